@@ -80,9 +80,9 @@ class DenseRegistration:
     Its smoothness term underestimates displacements that vary across the image, as when the camera moves forward or
     rotates. A coarse search therefore comes first, and the second image is warped by the homography that explains
     most of the scene; the remaining displacements are small and nearly constant. If a surround or a mask hides the
-    corners, the motion may also be curved. If no motion explains a quarter of the scene, the search
-    ends: of 524 such pairs, only one could have been registered. The backward search only detects forward errors of
-    several pixels, so it is coarser. It runs in parallel in a second thread.
+    corners, the motion may also be curved. If no motion explains a quarter of the scene, the search ends: of 524 such
+    pairs, only one could have been registered. The backward search only detects forward errors of several pixels, so
+    it is coarser. It runs in parallel in a second thread.
 
     On a plain object in front of the background, both searches find the displacement of the background. Points with
     very different displacements around them are therefore discarded, too.

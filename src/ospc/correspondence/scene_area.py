@@ -37,6 +37,18 @@ from ospc.settings.grey_values import (
 )
 
 
+@dataclass(frozen=True)
+class _Surround:
+    """The part of the image that never receives light."""
+
+    dark: BoolArray
+    """Its pixels without its margin, in the small size, shape (h, w)."""
+    hidden: BoolArray
+    """The same with its margin."""
+    soft_circle: FloatArray | None
+    """Centre of the image circle that it leaves, in half diagonals, shape (2,), if its edge is soft."""
+
+
 @dataclass
 class SceneArea:
     """Finds the pixels that do not show the scene.
@@ -64,7 +76,7 @@ class SceneArea:
     """Number of pairs in which each pixel counts, shape (h, w)."""
 
     def __post_init__(self) -> None:
-        self._dark: tuple[int, BoolArray | None] = (-1, None)  # the surround after so many frames
+        self._latest: tuple[int, _Surround | None] = (-1, None)  # the surround after so many frames
 
     def observe(self, frame: PreprocessedFrame, mask: BoolArray | None) -> None:
         """Add a frame; the mask marks its usable pixels, shape (height, width), None for all."""
@@ -92,16 +104,12 @@ class SceneArea:
 
     def surround(self) -> BoolArray | None:
         """Return which pixels never receive light, with a margin, in the small size, shape (h, w); None if all do."""
-        dark = self._dark_surround
-        if dark is None:
-            return None
-        return _widened(dark, SURROUND_MARGIN_PX if self._is_sharp(dark) else SOFT_SURROUND_MARGIN_PX)
+        return None if self._surround is None else self._surround.hidden
 
     def shown(self) -> BoolArray | None:
         """Return which pixels show the scene and may be used, in the small size, shape (h, w); None if all do."""
-        masked = None if self.allowed is None else ~self.allowed
-        hidden = [one for one in (masked, self.surround(), self.overlay()) if one is not None]
-        return ~np.logical_or.reduce(hidden) if hidden else None
+        hidden = _together(None if self.allowed is None else ~self.allowed, self.surround(), self.overlay())
+        return None if hidden is None else ~hidden
 
     def extended(self, frame0: ReducedFrame, frame1: ReducedFrame) -> tuple[ReducedFrame, ReducedFrame]:
         """Return two frames for registration, in which the scene extends into the surround.
@@ -120,28 +128,16 @@ class SceneArea:
 
         V falls steeply at such an edge, and no scene points show where: it is known only as far as they reach.
         """
-        dark = self._dark_surround
-        if dark is None or self._is_sharp(dark):
-            return None
-        circle = _image_circle(~dark)
-        return None if circle is None else circle[0]
-
-    def _is_sharp(self, dark: BoolArray) -> bool:
-        """Return whether the edge of a surround, given without its margin, is sharp."""
-        assert self.brightest is not None
-        surround = _widened(dark)
-        inside = _widened(surround) & ~surround
-        margin_level, inner_level = np.median(self.brightest[surround & ~dark]), np.median(self.brightest[inside])
-        return bool(margin_level >= MIN_SHARP_EDGE_RATIO * inner_level)
+        return None if self._surround is None else self._surround.soft_circle
 
     @property
-    def _dark_surround(self) -> BoolArray | None:
-        """The surround without its margin, in the small size, shape (h, w); None if there is none."""
-        if self._dark[0] != self.frames:  # it is needed several times per frame
-            self._dark = self.frames, self._found_surround()
-        return self._dark[1]
+    def _surround(self) -> _Surround | None:
+        """The surround, None if there is none; it is needed several times per frame."""
+        if self._latest[0] != self.frames:
+            self._latest = self.frames, self._found_surround()
+        return self._latest[1]
 
-    def _found_surround(self) -> BoolArray | None:
+    def _found_surround(self) -> _Surround | None:
         if self.brightest is None or self.frames < MIN_CIRCLE_FRAMES:
             return None
         # Most cameras have lit corners, which is seen at once; the rest takes a millisecond.
@@ -159,13 +155,7 @@ class SceneArea:
         outside = np.isin(label, corners[corners > 0])
         if np.count_nonzero(corners) < MIN_SURROUND_CORNERS or outside.mean() < MIN_SURROUND_AREA:
             return None
-        # An image circle has an edge. The dark corners of a wide lens do not, and they show the scene.
-        inside = _widened(outside, 2 * SURROUND_MARGIN_PX) & ~_widened(outside)
-        within, beyond = np.median(self.brightest[inside]), np.median(self.brightest[outside])
-        if within <= MIN_EDGE_RATIO * beyond:
-            return None
-        # Only optics make a soft edge, and theirs is round: any other one is that of a dark part of the scene.
-        return outside if self._is_sharp(outside) or _image_circle(~outside) is not None else None
+        return _surround_with_edge(outside, self.brightest)
 
     def overlay(self) -> BoolArray | None:
         """Return which pixels show something fixed to the camera, in the small size, shape (h, w); None if none."""
@@ -203,21 +193,47 @@ class SceneArea:
         That of an image circle is about its own centre, as the vignette is; others are about the image centre.
         """
         # The margin has no observations, but its pixels show the scene: V is needed there, too.
-        surround = self._dark_surround
-        reached = 1.0 if surround is None else _lit_radius(~surround)
+        reached = 1.0 if self._surround is None else _lit_radius(~self._surround.dark)
         if self.allowed is not None:
             reached = min(reached, _farthest(self.allowed))
         return reached if 0 < reached < 1 else 1.0
 
     def shows_scene(self, position: FloatArray) -> BoolArray | None:
         """Return which positions, in half diagonals, show the scene, (n, 2) -> (n,); None if all do."""
-        hidden = [one for one in (self.surround(), self.overlay()) if one is not None]
-        if not hidden:
+        hidden = _together(self.surround(), self.overlay())
+        if hidden is None:
             return None
-        anything = np.logical_or.reduce(hidden)
-        size = size_of(anything)
+        size = size_of(hidden)
         x, y = np.clip(np.rint(pixels_of(position, size)).astype(np.int64), 0, np.array(size) - 1).T
-        return np.asarray(~anything[y, x])
+        return np.asarray(~hidden[y, x])
+
+
+def _together(*parts: BoolArray | None) -> BoolArray | None:
+    """Return the union of the parts that there are, shape (h, w); None if there are none."""
+    present = [part for part in parts if part is not None]
+    return np.asarray(np.logical_or.reduce(present)) if present else None
+
+
+def _surround_with_edge(outside: BoolArray, brightest: npt.NDArray[np.uint8]) -> _Surround | None:
+    """Return a dark part as a surround; None if its edge is not that of a surround."""
+    # An image circle has an edge. The dark corners of a wide lens do not, and they show the scene.
+    inside = _widened(outside, 2 * SURROUND_MARGIN_PX) & ~_widened(outside)
+    within, beyond = np.median(brightest[inside]), np.median(brightest[outside])
+    if within <= MIN_EDGE_RATIO * beyond:
+        return None
+    if _has_sharp_edge(outside, brightest):
+        return _Surround(outside, _widened(outside), None)
+    # Only optics make a soft edge, and theirs is round: any other one is that of a dark part of the scene.
+    circle = _image_circle(~outside)
+    return None if circle is None else _Surround(outside, _widened(outside, SOFT_SURROUND_MARGIN_PX), circle[0])
+
+
+def _has_sharp_edge(dark: BoolArray, brightest: npt.NDArray[np.uint8]) -> bool:
+    """Return whether the edge of a surround, given without its margin, is sharp."""
+    margin = _widened(dark)
+    inside = _widened(margin) & ~margin
+    margin_level, inner_level = np.median(brightest[margin & ~dark]), np.median(brightest[inside])
+    return bool(margin_level >= MIN_SHARP_EDGE_RATIO * inner_level)
 
 
 def _fine_structure(image: npt.NDArray[np.uint8]) -> Float32Array:
