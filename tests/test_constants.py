@@ -25,7 +25,7 @@ STAY_IN_THE_CODE = {
     # Parts of formulas: stencils, nodes, powers, directions, and sizes and indices that follow from settings.
     "NODES", "CENTRE", "_TAPS", "_EVEN", "(_SLOPE, _CURVATURE)", "_SUMS", "_LAPLACIANS", "_NEIGHBOURS", "_CORNERS",
     "_VIGNETTE_POWERS", "RESPONSE_PARAMETERS", "PARTS", "_LATER", "_NORMAL", "MOMENTS", "_WIDTHS",
-    "_RADIAL", "(_RIGHT, _DOWN)", "_DIAGONAL", "_TURNS", "_PLACES", "RESPONSE_PART",
+    "_RADIAL", "(_RIGHT, _DOWN)", "_DIAGONAL", "_TURNS", "_PLACES", "RESPONSE_PART", "SHAPES",
     # Effects, which are defined by settings; their bound of 0 excludes negative light.
     "EFFECTS",
     # Points at which curves are tabulated or drawn, and a displacement larger than any image.

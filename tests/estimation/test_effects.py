@@ -40,10 +40,20 @@ class Disturbed:
 
     glare: float = 0.0
     most_white: float = 0.0
+    beyond_white: float = BEYOND_WHITE
+    """How much brighter than white the white pixels are."""
+    varying_white: float = 0.0
+    """Standard deviation of its logarithm between frames."""
     scatter: float = 0.0
     dark: float = 0.0
     stray: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Stray light at the corners, and its gradients along x and y."""
+    spot: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Stray light, dark signal and share of the frame's mean light in a spot in the centre."""
+    leak: float = 0.0
+    """Stray light in the lower right corner."""
+    tilted_black: float = 0.0
+    """Gradient of a dark signal along y."""
     step: float = 0.0
     """Step of ln of the gain, at 1.2 times the typical exposure."""
     speeds: tuple[int, ...] = ()
@@ -106,11 +116,17 @@ class Disturbed:
         white = self.most_white * np.clip(frame_light, 0, 1) ** 2
         frame_moments = (1 - white)[..., None] * GAMMA(frame_light)[..., None] ** np.arange(1, 6) + white[..., None]
         frame_moments = np.concatenate([frame_moments, white[..., None]], axis=2)
-        frame_light = (1 - white) * frame_light + white * (1 + BEYOND_WHITE)
+        excess = self.varying_white * np.random.default_rng([seed, 1]).standard_normal((FRAMES, 2))[group]
+        frame_light = (1 - white) * frame_light + white * (1 + self.beyond_white * np.exp(excess))
         nearby = np.exp(random.normal(-1.2, 0.6, (n, 2)))
         corners, sideways, vertically = self.stray
         fixed = self.dark + corners * squared_radius + sideways * place[..., 0] + vertically * place[..., 1]
-        added = self.glare * frame_light + self.scatter * nearby + fixed * true_ms / TYPICAL_MS
+        fixed = fixed + self.leak * np.exp(-np.linalg.norm(place - [0.8, 0.6], axis=2) / 0.2)
+        centre = np.exp(-squared_radius / 0.25**2)
+        growing, constant, of_scene = (size * centre for size in self.spot)
+        constant = constant + self.tilted_black * place[..., 1]
+        added = self.glare * frame_light + self.scatter * nearby + (fixed + growing) * true_ms / TYPICAL_MS
+        added = added + constant + of_scene * frame_light
         grey = GAMMA(lit_ms * radiance * attenuation + added)
         around = GAMMA(nearby)
         own = self.unsteady * random.standard_normal((FRAMES, 2))[group]
@@ -196,6 +212,25 @@ def test_a_leak_at_one_side_does_not_bend_the_vignette() -> None:
     assert is_right(found)
 
 
+@pytest.mark.parametrize(
+    ("camera", "names"),
+    [
+        (Disturbed(spot=(0.005, 0, 0)), {"stray light in the centre", "stray light around the centre"}),
+        (Disturbed(spot=(-0.005, 0, 0)), {"stray light in the centre", "stray light around the centre"}),
+        (Disturbed(spot=(0, 0.005, 0)), {"dark signal in the centre", "dark signal around the centre"}),
+        (Disturbed(spot=(0, 0, 0.02)), {"glare in the centre", "glare around the centre"}),
+        (Disturbed(leak=0.008), {"stray light at the bottom right"}),
+        (Disturbed(tilted_black=0.004), {"dark signal vertically"}),
+    ],
+)
+def test_light_in_a_part_of_the_image_does_not_bend_the_vignette(camera: Disturbed, names: set[str]) -> None:
+    """The shapes of the model differ a little from the true ones: two spots imitate one between them."""
+    found = camera.fit()
+    assert stated(found).keys() <= names
+    assert stated(found)
+    assert is_right(found)
+
+
 def test_a_uniform_dark_signal_counts_only_where_the_lens_is_darker() -> None:
     """A share of V would look like a brighter scene, so only d (1 - V) is observable."""
     found = Disturbed(dark=0.02).fit()
@@ -270,6 +305,24 @@ def test_two_effects_are_distinguished() -> None:
         "exposure offset": pytest.approx(-0.05, rel=0.15),
     }
     assert is_right(found)
+
+
+def test_white_pixels_of_unknown_brightness_are_no_contradiction() -> None:
+    """Where most of the light is scattered light, its error looks like another response in each frame."""
+    found = Disturbed(glare=0.05, scatter=0.03, most_white=0.3, beyond_white=1.5, varying_white=1.0).fit()
+    assert stated(found).keys() == {"veiling glare", "light scattered nearby", "unsteady light"}
+    assert is_right(found)
+
+
+@pytest.mark.parametrize(
+    ("camera", "name"),
+    [
+        (Disturbed(glare=0.03, black_by_exposure=0.01), "black level by exposure"),
+        (Disturbed(glare=0.03, black_drift=0.01), "drifting black level"),
+    ],
+)
+def test_a_black_level_that_changes_is_found_beside_glare(camera: Disturbed, name: str) -> None:
+    assert name in stated(camera.fit())
 
 
 @pytest.mark.parametrize("plain_is_steady", [True, False])

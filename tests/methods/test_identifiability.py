@@ -134,12 +134,10 @@ def test_unsteady_light_is_accounted_for_and_its_remedy_asks_for_no_wider_exposu
     [
         ("gain step 3 of 15", -0.007, "images with exposures above 8 ms are 0.7% ± 0.1% darker than"),
         ("gain step 3 of 15", 0.02, "images with exposures above 8 ms are 2.0% ± 0.1% brighter than"),
-        (
-            "stray light at the corners",
-            0.01,
-            "1.00% ± 0.10% of white at 4 ms, more at the corners than in the centre",
-        ),
-        ("stray light sideways", -0.01, "1.00% ± 0.10% of white at 4 ms, more at one side than in the centre"),
+        ("stray light at the corners", 0.01, "adds 1.00% ± 0.10% of white at the corners at 4 ms"),
+        ("stray light sideways", -0.01, "adds -1.00% ± 0.10% of white per half diagonal to the right at 4 ms"),
+        ("dark signal at the top left", 0.003, "0.30% ± 0.10% of white higher at the top left"),
+        ("glare in the centre", 0.02, "adds 2.0% ± 0.1% of the mean irradiance of each frame in the centre"),
     ],
 )
 def test_a_note_states_size_and_place_of_what_was_corrected(name, value, words):

@@ -46,6 +46,7 @@ from ospc.settings.effects import (
     EXPOSURES_PER_CURVE,
     MIN_GROUPS,
     MOST_CURVES,
+    MOST_SCATTERED_SHARE,
     PREFERRED_SHARE,
     SIGNIFICANT_SIGMAS,
     SIGNIFICANT_SIGMAS_IN_ALL,
@@ -120,10 +121,10 @@ def _of_moving_camera(
         return _with_estimates(plain, plain_trials, _estimates(fit)[-1:])
     if fit.groups < MIN_GROUPS:
         return _with_estimates(fitted, trials, ())
-    residual = fit.residuals(observations)
+    residual = _of_own_light(fit, observations)
     if unsteady := _unsteadiness(fitted, residual):
         # If the plain fit is steady, the effects are spurious.
-        alone = not len(fit.effects) or _unsteadiness(plain, plain.fit.residuals(observations))
+        alone = not len(fit.effects) or _unsteadiness(plain, _of_own_light(plain.fit, observations))
         return _with_estimates(plain, plain_trials, unsteady if alone else ())
     found = uneven_vignette(residual, fitted.weighted[0].sigma, observations)
     found = found or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
@@ -132,6 +133,12 @@ def _of_moving_camera(
 
 def _is_contradicted(fit: Fit) -> bool:
     return any(name in CONTRADICTIONS for name in fit.effects.chosen)
+
+
+def _of_own_light(fit: Fit, observations: ExposedObservations) -> FloatArray:
+    """Return the residuals; NaN where most of the light may be scattered light, which is not exactly known."""
+    scattered = fit.scattered_share(observations)
+    return np.where(scattered < MOST_SCATTERED_SHARE, fit.residuals(observations), np.nan)
 
 
 def _unsteadiness(fitted: Fitted, residual: FloatArray) -> tuple[EffectEstimate, ...]:
@@ -155,7 +162,7 @@ def _with_effects(
         untried = tuple(name for name in untried if name != suspect.name)
         start = after_newton_step(fitted.fit, suspect)
         wider = plan.refit(observations, start)
-        if not _significant(wider, -1):
+        if not (_significant(wider, -1) and _shown_by_own_light(wider, observations, plan)):
             if suspect.name == "local tone mapping":  # one step sees half of it: the response has taken up the rest
                 clearer = max(suspect, trial_of(wider), key=lambda trial: trial.sigmas)
                 trials = [clearer if trial is suspect else trial for trial in trials]
@@ -174,6 +181,16 @@ def _with_effects(
     if len(kept.fit.effects) < len(fitted.fit.effects):
         return kept, estimate_effects(kept, _left_out(kept.fit, names))
     return fitted, trials
+
+
+def _shown_by_own_light(fit: Fit, observations: ExposedObservations, plan: FitPlan) -> bool:
+    """Return whether points whose light is mostly their own show the last effect, too, if it is a contradiction."""
+    # The scattered light is known to a few per cent: an error that counts where it is most of the light.
+    own = observations.combined(np.maximum, fit.scattered_share(observations)) < MOST_SCATTERED_SHARE
+    if own.all() or fit.effects.chosen[-1] not in CONTRADICTIONS:
+        return True
+    left = observations.of_points(own)
+    return len(np.unique(left.group)) < MIN_GROUPS or _significant(plan.refit(left, fit), -1)
 
 
 def _distinguishable_curves(observations: ExposedObservations) -> int:
@@ -220,12 +237,17 @@ def _gain_variances(fitted: Fitted) -> tuple[float, ...]:
 def _suspected(trials: Sequence[Trial], untried: Sequence[str]) -> Trial | None:
     """Return the clearest untried effect; effects of a camera are preferred if they are nearly as clear."""
     likely = [trial for trial in trials if trial.name in untried]
-    threshold = max(SUSPECTED_SIGMAS, PREFERRED_SHARE * max((trial.sigmas for trial in likely), default=0.0))
-    clear = [trial for trial in likely if trial.sigmas > threshold]
+    clearest = PREFERRED_SHARE * max((trial.sigmas for trial in likely), default=0.0)
+    clear = [trial for trial in likely if trial.sigmas > max(_limit(trial, SUSPECTED_SIGMAS), clearest)]
     if not clear:
         light = (trial for trial in likely if EFFECTS[trial.name].adds == "light")
-        clear = [trial for trial in light if trial.sigmas_by_chance > SUSPECTED_LIGHT_SIGMAS]
+        clear = [trial for trial in light if trial.sigmas_by_chance > _limit(trial, SUSPECTED_LIGHT_SIGMAS)]
     return max(clear, key=lambda trial: (trial.name in CORRECTED, trial.sigmas), default=None)
+
+
+def _limit(trial: Trial, sigmas: float) -> float:
+    """Return the significance that an effect exceeds as rarely as a single one exceeds ``sigmas``."""
+    return math.sqrt(sigmas**2 + 2 * math.log(EFFECTS[trial.name].alternatives))
 
 
 def _significant(fit: Fit, number: int) -> bool:

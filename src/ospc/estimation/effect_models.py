@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from ospc.arrays import FloatArray
+from ospc.estimation.light_shapes import DARK_SIGNAL, SHAPES, STRAY_LIGHT, UNEVEN_GLARE
 from ospc.observations import MOMENTS, ExposedObservations
 from ospc.photometry.verdict import LATE_EXPOSURES, NOMINAL_EXPOSURES
 from ospc.settings.effects import (
@@ -22,9 +23,11 @@ from ospc.settings.effects import (
     BLACK_BY_EXPOSURE,
     BLACK_DRIFT,
     CURVATURE,
+    FIXED_LIGHT,
     GAIN_STEP,
     GAIN_STEP_MODEL_ERROR,
     GLARE,
+    GLARE_SHAPE,
     LATENESS,
     LATENESS_MODEL_ERROR,
     LEAST_NOMINAL,
@@ -39,7 +42,6 @@ from ospc.settings.effects import (
     SCATTER,
     SQUARE_VIGNETTE,
     STEP_EXPOSURES,
-    STRAY_LIGHT,
     VIGNETTE_BY_EXPOSURE,
     VIGNETTE_DRIFT,
 )
@@ -124,6 +126,8 @@ class Effect:
     least: float = -np.inf
     most: float = np.inf
     """Plausible range of the parameter: there is no negative light."""
+    alternatives: int = 1
+    """Number of effects, including this one, of which a camera has at most one."""
 
     def allows(self, value: float) -> bool:
         """Return whether a value of the parameter is plausible."""
@@ -131,10 +135,33 @@ class Effect:
 
 
 def _light(
-    amount: Callable[[Circumstances], FloatArray], sigmas: tuple[float, float, float], least: float = 0.0
+    amount: Callable[[Circumstances], FloatArray],
+    sigmas: tuple[float, float, float],
+    least: float = 0.0,
+    alternatives: int = 1,
 ) -> Effect:
     """Return an effect that adds light."""
-    return Effect("light", amount, *sigmas, ADDED_LIGHT_MODEL_ERROR, least, MOST_ADDED_LIGHT)
+    return Effect("light", amount, *sigmas, ADDED_LIGHT_MODEL_ERROR, least, MOST_ADDED_LIGHT, alternatives)
+
+
+def _uneven_glare(where: str) -> Effect:
+    """Return the effect of glare that is strongest in a part of the image."""
+    shape = SHAPES[where]
+
+    def amount(seen: Circumstances) -> FloatArray:
+        return (seen.observations.frame_moments @ seen.light_of_moments) * shape(*seen.position.T)
+
+    return _light(amount, GLARE_SHAPE, -MOST_ADDED_LIGHT, len(UNEVEN_GLARE))
+
+
+def _fixed_light(where: str, power: int) -> Effect:
+    """Return the effect of light that is fixed to the camera and grows with a power of the exposure."""
+    shape = SHAPES[where]
+
+    def amount(seen: Circumstances) -> FloatArray:
+        return seen.exposure**power * shape(*seen.position.T)
+
+    return _light(amount, FIXED_LIGHT, -MOST_ADDED_LIGHT, len(SHAPES))
 
 
 def _gain_step(number: int) -> Effect:
@@ -144,6 +171,7 @@ def _gain_step(number: int) -> Effect:
         lambda seen: (seen.exposure > seen.step_exposures[number]).astype(np.float64),
         *GAIN_STEP,
         GAIN_STEP_MODEL_ERROR,
+        alternatives=STEP_EXPOSURES,
     )
 
 
@@ -178,11 +206,9 @@ EFFECTS = {
     # Light is relative to that contained in the response.
     "veiling glare": _light(lambda seen: seen.light_of_frame, GLARE),
     "light scattered nearby": _light(lambda seen: seen.light_around, SCATTER),
-    "stray light at the corners": _light(lambda seen: seen.exposure * np.sum(seen.position**2, axis=1), STRAY_LIGHT),
-    "stray light sideways": _light(lambda seen: seen.exposure * seen.position[:, 0], STRAY_LIGHT, -MOST_ADDED_LIGHT),
-    "stray light vertically": _light(
-        lambda seen: seen.exposure * seen.position[:, 1], STRAY_LIGHT, -MOST_ADDED_LIGHT
-    ),
+    **{name: _uneven_glare(where) for name, where in UNEVEN_GLARE.items()},
+    **{name: _fixed_light(where, 1) for name, where in STRAY_LIGHT.items()},
+    **{name: _fixed_light(where, 0) for name, where in DARK_SIGNAL.items()},
     "exposure offset": Effect(
         "exposure", lambda seen: np.ones_like(seen.exposure), *OFFSET, least=-MOST_OFFSET, most=MOST_OFFSET
     ),
@@ -215,9 +241,8 @@ EFFECTS = {
 }
 """All effects by name."""
 
-LIGHT_FIXED_TO_CAMERA = ("stray light at the corners", "stray light sideways", "stray light vertically")
-"""Light that grows with the exposure but does not come from the scene: leaks, reflections, dark signal. A part that
-is distributed like V cannot be distinguished from the scene, so the amount in the centre counts as zero."""
+LIGHT_FIXED_TO_CAMERA = (*STRAY_LIGHT, *DARK_SIGNAL)
+"""Light that does not come from the scene."""
 
 SCATTERED_LIGHT = ("veiling glare", "light scattered nearby")
 """Light of the scene that reaches other parts of the image."""
@@ -228,6 +253,7 @@ stationary camera does not vary independently."""
 
 CORRECTED = (
     *SCATTERED_LIGHT,
+    *UNEVEN_GLARE,
     *LIGHT_FIXED_TO_CAMERA,
     "exposure offset",
     LATE_EXPOSURES,
@@ -242,8 +268,9 @@ CORRECTED_EXPOSURES = ("exposure offset", NOMINAL_EXPOSURES, *GAIN_STEPS)
 CURVES_OF_EXPOSURES = ("exposure offset", "curved exposures", *GAIN_STEPS)
 """Errors that depend on the exposure alone. With few different exposures, some of them fit any errors."""
 
-ONLY_IF_FOUND = (NOMINAL_EXPOSURES, *GAIN_STEPS)
-"""Effects that are either there or not: their size is only stated if the observations clearly show them."""
+ONLY_IF_FOUND = (*UNEVEN_GLARE, *LIGHT_FIXED_TO_CAMERA, NOMINAL_EXPOSURES, *GAIN_STEPS)
+"""Effects of many kinds, or that are either there or not: their size is only stated if the observations clearly show
+them."""
 
 CONTRADICTIONS = tuple(name for name in EFFECTS if name not in CORRECTED)
 """Effects that contradict a camera with one response and one vignette."""

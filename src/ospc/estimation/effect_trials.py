@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.estimation.effect_models import CONTRADICTIONS, EFFECTS, GAIN_STEPS
+from ospc.estimation.effect_models import CONTRADICTIONS, EFFECTS
 from ospc.estimation.fit import Fit
 from ospc.estimation.fitted import Fitted
 from ospc.estimation.model import Model
@@ -52,7 +52,7 @@ class Trial:
     def probability(self) -> float:
         """Posterior probability of the effect, by the criterion of Schwarz (1978)."""
         before = CONTRADICTION_PROBABILITY if self.name in CONTRADICTIONS else EFFECT_PROBABILITY
-        before /= len(GAIN_STEPS) if self.name in GAIN_STEPS else 1  # there is at most one
+        before /= EFFECTS[self.name].alternatives
         log_odds = np.log(before / (1 - before)) + (self.sigmas**2 - np.log(self.groups)) / 2
         return float(1 / (1 + np.exp(-log_odds)))
 

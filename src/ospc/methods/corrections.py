@@ -10,22 +10,32 @@ from ospc.errors import plain
 from ospc.estimation.effect_models import GAIN_STEPS, LIGHT_FIXED_TO_CAMERA
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
+from ospc.estimation.light_shapes import DARK_SIGNAL, STRAY_LIGHT, UNEVEN_GLARE
 from ospc.estimation.residual_effects import UNSTEADY_LIGHT
 from ospc.exposures.used import corrected_as_source
 from ospc.observations import ExposedObservations
 from ospc.photometry.verdict import INEXACT_EXPOSURES, LATE_EXPOSURES, NOMINAL_EXPOSURES, EffectEstimate
 from ospc.settings.methods import MAX_CORRECTED_EXPOSURES, MIN_NOTED_GAIN
 
-_STRAY = "light that is fixed to the camera (dark signal, a leak, a reflection) adds {share} of white at {typical}"
+_EDGES = {"sideways": "per half diagonal to the right", "vertically": "per half diagonal downwards"}
+"""Where light is added that grows from one edge of the image to the opposite one."""
+
+_STRAY = "light fixed to the camera (a leak, a reflection, dark current) adds {{amount}} of white {} at {{typical}}"
 
 _ADDED_LIGHT = {
-    "veiling glare": "veiling glare of {share} of the mean irradiance of each frame was found and corrected",
-    "light scattered nearby": "{share} of the light is scattered nearby; this was corrected",
-    "stray light at the corners": f"{_STRAY}, more at the corners than in the centre; this was corrected",
-    "stray light sideways": f"{_STRAY}, more at one side than in the centre; this was corrected",
-    "stray light vertically": f"{_STRAY}, more at the top or bottom than in the centre; this was corrected",
+    "veiling glare": "veiling glare of {amount} of the mean irradiance of each frame was found and corrected",
+    "light scattered nearby": "{amount} of the light is scattered nearby; this was corrected",
+    **{
+        name: f"glare adds {{amount}} of the mean irradiance of each frame {where}; this was corrected"
+        for name, where in UNEVEN_GLARE.items()
+    },
+    **{name: _STRAY.format(_EDGES.get(where, where)) + "; this was corrected" for name, where in STRAY_LIGHT.items()},
+    **{
+        name: f"the black level is {{amount}} of white higher {_EDGES.get(where, where)}; this was corrected"
+        for name, where in DARK_SIGNAL.items()
+    },
 }
-"""The note on each kind of light that was added; the second figure is the exposure."""
+"""The note on each kind of light that was added, with its amount and the exposure."""
 
 _RANDOM = {
     UNSTEADY_LIGHT: (
@@ -62,12 +72,13 @@ def corrected_exposures_of(fit: Fit, observations: ExposedObservations) -> dict[
 def _corrected(found: EffectEstimate, effects: Effects) -> str:
     typical_ms = float(np.exp(effects.log_typical_exposure))
     digits = 2 if found.name in LIGHT_FIXED_TO_CAMERA else 1
-    share = f"{abs(found.value):.{digits}%} ± {found.sigma:.{digits}%}"
+    sigma = f"± {found.sigma:.{digits}%}"
     if found.name in _ADDED_LIGHT:
-        return _ADDED_LIGHT[found.name].format(share=share, typical=f"{plain(typical_ms, 3)} ms")
+        amount = f"{found.value:.{digits}%} {sigma}"
+        return _ADDED_LIGHT[found.name].format(amount=amount, typical=f"{plain(typical_ms, 3)} ms")
     if found.name in GAIN_STEPS:
         limit_ms = effects.step_exposures[GAIN_STEPS.index(found.name)] * typical_ms
-        than = "brighter" if found.value > 0 else "darker"
+        share, than = f"{abs(found.value):.1%} {sigma}", "brighter" if found.value > 0 else "darker"
         return (
             f"images with exposures above {plain(limit_ms, 3)} ms are {share} {than} than predicted, as with an "
             "inexact gain; this was corrected"

@@ -26,11 +26,17 @@ ADDED_LIGHT_MODEL_ERROR = 0.07
 """Standard deviation of the amount of added light that is corrected, as a share of it. In simulated recordings,
 veiling glare of 0.01 to 0.05 was found to within 0.05 of its amount with three cameras, and 0.08 to 0.19 too low with
 a fourth; 0.1 of light scattered nearby was found to within 0.05."""
-STRAY_LIGHT = (0.03, 0.0, 0.0001)
+FIXED_LIGHT = (0.03, 0.0, 0.0001)
 """Light that is fixed to the camera, at a typical exposure, as a share of the irradiance at white. In 68 clean
 recordings, chance explained the values: they were 1.0 standard deviation in the root mean square. With 0.0004, a dark
 signal of 0.0018 of white in 8 ms was not corrected, although it was found with 17 standard deviations, and V was off
 by 0.007, five standard deviations."""
+GLARE_SHAPE = (0.03, 0.0, 0.0005)
+"""Glare that is stronger or weaker in a part of the image, as a share of the frame's mean irradiance."""
+CENTRE_RADII = (0.2, 0.4)
+"""Radii of two spots in the centre, in half diagonals, at which their light has fallen to 1/e. In eleven simulated
+recordings with reflections of a Gaussian profile, V was off by 0.004 at most; in one with a single radius of 0.3 by
+0.009, and with 0.45 by 0.015, as without correction."""
 OFFSET = (0.1, 0.001, 0.001)
 """Constant error of all exposures, as a share of a typical one: 25 µs at 5 ms is common, and 5 µs goes unnoticed.
 With 0.1 for the second value, exposures with random errors of 1 per cent gave bands four times as wide as the errors.
@@ -120,6 +126,11 @@ CONTRADICTING_SIGMAS = 5.5
 possible size widens the uncertainty all the same. Tone mapping, a digital zoom of 1.2 with a weak vignette and a
 square vignette had 5.5 to 9. A hundred recordings without contradiction had at most 5.2 by chance alone; four more,
 with a fisheye lens or with small images of 160×120 to 320×256 pixels, had 5.2 to 13, and a mean of at most 5.2."""
+MOST_SCATTERED_SHARE = 0.3
+"""Scattered light, relative to the other light of a point, from which the point cannot show a contradiction: it is
+known to a few per cent only, because the light of white pixels is unknown. With 4 per cent scattered nearby and 2 of
+glare, a recording seemed to have a black level that depends on the exposure, by 0.011 ± 0.002 of white; without these
+points, a tenth of all, by 0.003 ± 0.002. Simulated ones of 0.01 stayed significant."""
 EFFECT_PROBABILITY, CONTRADICTION_PROBABILITY = 0.3, 0.02
 """Prior probability that a camera has an effect that matters, and that a recording contradicts the model: few
 recordings are tone mapped. They determine how much an effect that is left out widens the uncertainty: with 100 pairs,
