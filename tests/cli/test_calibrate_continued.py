@@ -192,5 +192,5 @@ def test_a_changed_lens_is_reported(uninterrupted, tmp_path):
     other = simulated(tmp_path / "today", frames=24, seed=5, scene_seed=0, vignette_coefficients=(-1.0, 0.4, -0.1))
     result = run(other, "-o", tmp_path / "out", *QUICK, "--start-from", uninterrupted, "--json")
     notes = json.loads(result.stdout)["notes"]
-    assert any("is not the camera of" in note and "lens" in note for note in notes)
+    assert any("has changed since" in note and "lens" in note for note in notes)
     assert Calibration.load(tmp_path / "out").source["started_from"]["changed"] == ["vignette"]

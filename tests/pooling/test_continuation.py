@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from calibrations import calibration as made_up
+from log_polynomials import log_polynomial
 from ospc.calibrator import OnlineCalibrator
 from ospc.engine import state
 from ospc.engine.state import Epoch, response_before_change
@@ -22,6 +23,7 @@ from ospc.methods.identifiability import doubted
 from ospc.methods.result import calibration_of
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import GreyRange
+from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
 from ospc.pooling.calibration_summary import summary_of_calibration
 from ospc.pooling.pool import Pool, merge
@@ -71,6 +73,21 @@ def test_another_lens_is_noticed_and_yesterday_forgotten(yesterday, name):
     np.testing.assert_array_equal(found.vignette.image(), own.vignette.image())
 
 
+@pytest.mark.parametrize("part", ["response", "vignette"])
+def test_a_small_but_significant_difference_is_a_change_too(yesterday, part):
+    """It is within the scatter that is usual between recordings, but the mean would be of neither camera."""
+    changed = {
+        "response": replace(CAMERA, response=Response.gamma(1.73, 4097)),
+        "vignette": replace(CAMERA, vignette=log_polynomial(SIZE, (-0.46, 0.05, -0.2))),
+    }
+    own, seen = today(changed[part], groups=60)
+    found = PriorCalibration.open(yesterday).continued(own, seen)
+    assert found.source["started_from"]["changed"] == [part]
+    assert "standard deviations" in found.verdicts[part].reason
+    np.testing.assert_array_equal(found.vignette.image(), own.vignette.image())
+    np.testing.assert_array_equal(found.response.log_sigma, own.response.log_sigma)
+
+
 @pytest.mark.parametrize("unknown", [{"exponent_sigma": 0.3}, {"rests_on": "a guess from one image"}])
 def test_a_calibration_without_known_exposures_is_not_started_from(yesterday, tmp_path, unknown):
     """Its exponent is uncertain, which the result could not state."""
@@ -109,6 +126,16 @@ def test_the_earlier_response_may_have_another_basis(monkeypatch, tmp_path, inte
     ended = Epoch(0, 9, before, Change(10, 20, "vignette", "the vignette changed"))
     after_change = response_before_change([ended], np.zeros(20)).continued(own, seen)
     assert after_change.source["started_from"]["changed"] == []
+
+
+def test_a_response_that_changed_with_the_vignette_is_not_carried_on():
+    """A change of the vignette hides the change of the response, until the frames after it show theirs."""
+    before = calibration_of(inputs_of(CAMERA, 0, groups=80), DefaultSettings())
+    ended = Epoch(0, 9, before, Change(10, 20, "vignette", "the vignette changed"))
+    own, seen = today(replace(OTHER_LENS, response=Response.gamma(1.73, 4097)), groups=60)
+    found = response_before_change([ended], np.zeros(20)).continued(own, seen)
+    assert found.source["started_from"]["changed"] == ["response"]
+    np.testing.assert_array_equal(found.response.log_sigma, own.response.log_sigma)
 
 
 @pytest.mark.parametrize("change", [{"functions": "no such"}, {"knots": [0.0, 0.7, 1.0]}, {"coefficients": [1.0]}])

@@ -14,7 +14,9 @@ from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
 from ospc.methods.result import calibration_of
+from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.response import Response
+from ospc.photometry.vignette import half_diagonal_profiles
 from ospc.pooling.calibration_summary import summary_of_calibration
 from ospc.pooling.pool import Pool, merge
 from ospc.pooling.solution import Information, solve_with_chosen_vignette
@@ -78,15 +80,31 @@ def test_recordings_of_one_camera_agree(merged):
     assert "based on 8 of 8 recordings" in merged.calibration.verdicts["response"].reason
 
 
-def test_recordings_that_scatter_more_than_stated_widen_the_band_of_their_response():
+@pytest.mark.parametrize("count", [2, 4, 8])
+def test_recordings_that_scatter_more_than_stated_widen_the_band_of_their_response(recordings, count):
     """Their vignettes scatter as stated."""
     error = 0.02
-    exponents = [1.7 + error * (-1) ** seed for seed in range(8)]
+    exponents = [1.7 + error * (-1) ** seed for seed in range(count)]
     cameras = [replace(CAMERA, response=Response.gamma(exponent, 4097)) for exponent in exponents]
-    found = merge(Pool.of(summary(camera, seed) for seed, camera in enumerate(cameras))).calibration.response
-    sigma = np.interp(0.25, found.levels, found.log_sigma)
-    expected = error * np.log(found.reference_grey / 0.25) / np.sqrt(len(cameras) - 1)
+    found = merge(Pool.of(summary(camera, seed) for seed, camera in enumerate(cameras))).calibration
+    response = found.response
+    sigma = np.interp(0.25, response.levels, response.log_sigma)
+    expected = error * np.log(response.reference_grey / 0.25) / np.sqrt(count - 1)
     assert 0.6 < sigma / expected < 1.6
+    same = merge(Pool.of(recordings[:count])).calibration
+    assert found.vignette_sigma[-1] < 1.25 * same.vignette_sigma[-1]
+
+
+def test_a_long_and_a_short_recording_that_differ_give_a_band_around_both():
+    """The mean is close to the long one, but nothing shows that it is the right one."""
+    other = replace(CAMERA, vignette=log_polynomial(SIZE, (-0.46, 0.05, -0.2)))
+    short, long = summary(other, 60, groups=20), summary(CAMERA, 0, groups=160)
+    found = merge(Pool.of([short, long])).calibration
+    for camera in (CAMERA, other):
+        error = half_diagonal_profiles(found.vignette, PROFILE_RADII).mean(1)
+        error -= half_diagonal_profiles(camera.vignette, PROFILE_RADII).mean(1)
+        outer = PROFILE_RADII > 0.5
+        assert np.all(np.abs(error[outer]) < 2.5 * found.vignette_sigma[outer])
 
 
 def test_the_order_makes_no_difference_to_a_single_bit(recordings, merged):

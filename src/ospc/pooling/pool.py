@@ -167,7 +167,7 @@ def merge(pool: Pool, *, counts_recordings: bool = True) -> Merged:
         raise SettingError("there is nothing to merge: give at least one state")
     agreed = agreement(pool.summaries)
     used = agreeing(pool, agreed)
-    fit = solve_with_chosen_vignette(Information.of(used, usable_radius(used)).weakened(agreed.scatter))
+    fit = solve_with_chosen_vignette(Information.of(used, usable_radius(used)))
     judged_part = partial(judged, agreed, recordings=len(pool), counts=counts_recordings)
     verdicts = {
         "response": judged_part("response", response_verdict_of(fit, used)),
@@ -211,14 +211,16 @@ def agreeing(pool: Pool, agreed: Agreement) -> list[Summary]:
     """Return summaries of what the recordings of a pool agree on.
 
     Recordings whose response differs are excluded; without a majority on the response, all are. If the vignette
-    differs, or no majority agrees on it, a recording contributes only to the response.
+    differs, or no majority agrees on it, a recording contributes only to the response. The systematic errors include
+    the scatter between the recordings.
     """
     if not agreed.majority["response"]:
         return []
     used = [summary for summary in pool.summaries if not agreed.differs(summary, "response")]
-    if not agreed.majority["vignette"]:
-        return [_response_alone(summary) for summary in used]
-    return [_response_alone(s) if agreed.differs(s, "vignette") else s for s in used]
+    alone = [agreed.differs(summary, "vignette") or not agreed.majority["vignette"] for summary in used]
+    return [
+        agreed.with_scatter(_response_alone(s) if is_alone else s) for s, is_alone in zip(used, alone, strict=True)
+    ]
 
 
 def usable_radius(used: Sequence[Summary]) -> float:

@@ -82,7 +82,7 @@ class PriorCalibration(ByValue):
         used = agreeing(self.pool, agreed)
         if not used:
             return None
-        information = Information.of(used, usable_radius(used)).weakened(agreed.scatter)
+        information = Information.of(used, usable_radius(used))
         fit = solve(information)
         return replace(
             used[0],
@@ -180,7 +180,7 @@ class PriorCalibration(ByValue):
         for part in difference.parts:
             reason = f"{verdicts[part].reason}; it has changed since {self.name}: {difference.text}"
             verdicts[part] = replace(verdicts[part], reason=reason)
-        note = f"this is not the camera of {self.name}: {difference.text}"
+        note = f"the camera has changed since {self.name}: {difference.text}"
         return replace(own, verdicts=verdicts, notes=(*own.notes, note))
 
     def _together(self, own: Calibration, earlier: Summary, today: Summary | None) -> Calibration:

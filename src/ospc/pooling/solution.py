@@ -73,11 +73,6 @@ class Information:
         points, groups = self.points - summary.points, self.groups - summary.groups
         return replace(self, matrix=matrix, vector=vector, systematic=systematic, points=points, groups=groups)
 
-    def weakened(self, factor: float) -> Information:
-        """Return the information with all variances multiplied by a factor."""
-        matrix, vector, systematic = self.matrix / factor, self.vector / factor, self.systematic / factor
-        return replace(self, matrix=matrix, vector=vector, systematic=systematic)
-
 
 def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: Fit | None = None) -> Fit:
     """Return the maximum a posteriori parameters.

@@ -21,9 +21,11 @@ COMPARED_DIRECTIONS = 8
 """Directions in which ln V is compared at each radius, so that a shifted centre is noticed."""
 ALLOWED_SCATTER = {"response": 0.02, "vignette": 0.01}
 """Standard deviation, in ln, of the scatter between recordings of one camera beyond their stated uncertainty: other
-scenes and lighting lead to other registration errors."""
+scenes and lighting lead to other registration errors. It only decides what is merged at all: differences within it
+widen the result."""
 DIFFERING_SIGMAS = 5.0
-"""Difference above which a recording differs: the largest of 32 values is tested, and errors are not quite normal."""
+"""Difference above which a recording differs: the largest of 32 values is tested, and errors are not quite normal. In
+51 pairs of simulated recordings of one camera, in 36 of them with only 15 to 60 frames in one, it was 3.8 at most."""
 SUSPICIOUS_FACTOR = 4.0
 """Ratio to the usual unexplained share of exposure changes above which exposures are suspected to be wrong."""
 MIN_USUAL_UNEXPLAINED = 0.005
@@ -31,8 +33,10 @@ MIN_USUAL_UNEXPLAINED = 0.005
 MAX_AGREEMENT_ROUNDS = 10
 """Most rounds of comparing with the recordings that agree. The set of differing recordings usually settles after two
 or three rounds, but may alternate."""
-MIN_RECORDINGS_FOR_SCATTER = 4
-"""Fewest agreeing recordings whose scatter is measured; with fewer, it is too uncertain to be used."""
+SCATTER_CHANCE_SIGMAS = 2.0
+"""Standard deviations by which the mean square difference between recordings may exceed its expectation, 1, by
+chance. Only what exceeds this counts as scatter: 3.8 for two recordings. In fifteen pairs of simulated recordings of
+one camera, it was 1.3 at most; in 36 pairs with only 15 to 60 frames in one, 4.2 at most."""
 
 # The pool (ospc.pooling.pool)
 
