@@ -208,7 +208,8 @@ def test_with_another_lens_the_response_stays_known(changed):
     fitless = replace(found, response=None, vignette=None, verdicts=verdicts, warnings=())
     before = response_before_change([first], changed._run.exposures.table.written)
     continued = before.continued(fitless, None)
-    assert continued.verdicts["response"].state == first.calibration.verdicts["response"].state
+    assert continued.verdicts["response"].state == "marginal"
+    assert "but the new frames do not check it (no exposure changes)" in continued.verdicts["response"].reason
     assert continued.verdicts["vignette"] == unknown
     steps = [np.diff(np.log(c.response.inverse([0.3, 0.7]))) for c in (continued, first.calibration)]
     np.testing.assert_allclose(*steps, rtol=0.01)

@@ -54,7 +54,7 @@ def test_a_few_frames_of_the_same_camera_only_refine_the_calibration(yesterday, 
     earlier = PriorCalibration.open(yesterday / name)
     own, seen = today(CAMERA, groups=6)
     found = earlier.continued(own, seen)
-    assert found.complete
+    assert found.response is not None
     assert "starting from" in found.verdicts["response"].reason
     assert found.source["started_from"]["changed"] == []
     assert vignette_rmse(found.vignette, CAMERA.vignette) < vignette_rmse(own.vignette, CAMERA.vignette)
@@ -71,6 +71,18 @@ def test_another_lens_is_noticed_and_yesterday_forgotten(yesterday, name):
     assert found.source["started_from"]["changed"] == ["vignette"]
     assert "another lens, or its focus" in found.verdicts["vignette"].reason
     np.testing.assert_array_equal(found.vignette.image(), own.vignette.image())
+
+
+@pytest.mark.parametrize("groups", [6, 60])
+def test_what_was_known_is_identifiable_once_new_frames_check_it(yesterday, groups):
+    own, seen = today(CAMERA, groups=groups)
+    found = PriorCalibration.open(yesterday).continued(own, seen)
+    for name, verdict in found.verdicts.items():
+        checked = own.verdicts[name].state == "identifiable"
+        assert (verdict.state == "identifiable") == checked
+        assert ("the new frames do not check it" in verdict.reason) == (not checked)
+        assert verdict.remedy == own.verdicts[name].remedy
+    assert found.converged == (groups == 60)
 
 
 @pytest.mark.parametrize("part", ["response", "vignette"])
@@ -122,7 +134,7 @@ def test_the_earlier_response_may_have_another_basis(monkeypatch, tmp_path, inte
     )
     np.testing.assert_allclose(ratios, expected, rtol=0.01)
     own, seen = today(CAMERA, groups=6)
-    assert earlier.continued(own, seen).complete
+    assert earlier.continued(own, seen).source["started_from"]["changed"] == []
     ended = Epoch(0, 9, before, Change(10, 20, "vignette", "the vignette changed"))
     after_change = response_before_change([ended], np.zeros(20)).continued(own, seen)
     assert after_change.source["started_from"]["changed"] == []
@@ -204,9 +216,12 @@ def test_a_calibrator_starts_from_what_was_known(yesterday):
     calibrator = OnlineCalibrator(prior=PriorCalibration.open(yesterday))
     calibrator.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
     found = calibrator.calibration()
-    # A single frame cannot show whether its exposure belongs to it.
-    states = {name: verdict.state for name, verdict in found.verdicts.items()}
-    assert states == {"response": "identifiable", "vignette": "identifiable", "exposures": "marginal"}
+    # A single frame cannot show whether its exposure belongs to it, or whether the camera has changed.
+    assert {verdict.state for verdict in found.verdicts.values()} == {"marginal"}
+    assert "but the new frames do not check it" in found.verdicts["vignette"].reason
+    assert found.response is not None
+    assert found.vignette is not None
+    assert not found.converged
     assert json.dumps(found.as_dict())
     assert found.counts["frames"] == 1
 
@@ -225,7 +240,8 @@ def test_a_live_calibrator_starts_from_what_was_known_before_a_restart(yesterday
     with LiveCalibrator(prior=PriorCalibration.open(yesterday)) as live:
         live.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
         found = live.calibration()
-    assert found.verdicts["vignette"].state == found.verdicts["response"].state == "identifiable"
+    assert found.response is not None
+    assert found.vignette is not None
     assert found.source["started_from"]["changed"] == []
 
 

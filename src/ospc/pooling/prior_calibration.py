@@ -148,7 +148,7 @@ class PriorCalibration(ByValue):
         If the camera has changed since, the calibration is from today's frames alone, and the verdicts of the changed
         parts and ``source["started_from"]`` say so. Today's recording counts once, even if the earlier calibration
         already includes it. Warnings about today's frames limit all verdicts to marginal, however much was known
-        before.
+        before. So do frames that do not show by themselves that a part is still as it was.
 
         Parameters
         ----------
@@ -192,8 +192,11 @@ class PriorCalibration(ByValue):
             begins = _knows(earlier, name)
             if today is None and not begins:
                 continue
+            alone = own.verdicts[name]
             reason = f"{verdict.reason}, starting from {self.name}" if begins else verdict.reason
-            doubts = tuple((what, own.verdicts[name].remedy) for what in own.warnings)
+            doubts = tuple((what, alone.remedy) for what in own.warnings)
+            if begins and alone.state != "identifiable":
+                doubts += ((f"the new frames do not check it ({alone.reason})", alone.remedy),)
             verdicts[name] = doubted(replace(verdict, reason=reason), doubts)
         return replace(
             own,
@@ -202,7 +205,7 @@ class PriorCalibration(ByValue):
             vignette_sigma=together.vignette_sigma,
             verdicts=verdicts,
             covariance=together.covariance,
-            converged=together.converged and not own.warnings,
+            converged=all(verdicts[name].state == "identifiable" for name in together.verdicts) and not own.warnings,
             advice=(
                 *(verdicts[name].remedy for name in together.verdicts if verdicts[name].remedy),
                 *(() if own.coverage is None else own.coverage.gaps(own.max_grey, earlier.grey_range)),
