@@ -59,6 +59,7 @@ class Film:
     wrong: int = 0
     tilt: float = 0.0
     rolling: float = 0.0
+    glare: float = 0.0
 
     def pairs(self, fit) -> tuple[list[PairErrors], ExposureTable]:
         random = np.random.default_rng([self.seed, 1])
@@ -84,6 +85,7 @@ class Film:
             log_e = np.log(10) + true[[frame, later]]
             attenuation = self.camera.vignette.at_normalised(places) * np.exp(self.tilt * places[..., 1])
             irradiance = np.exp(radiance[:, None] - np.log(10) + log_e + light) * attenuation
+            irradiance = irradiance + self.glare * irradiance.mean(axis=0)
             grey = self.camera.response(irradiance) + random.normal(0, 0.002, (300, 2))
             seen = np.all((grey > 0.03) & (grey < 0.97), axis=1)
             count = int(seen.sum())
@@ -115,12 +117,20 @@ def test_neither_light_nor_wrong_registrations_are_a_change_of_the_camera(film, 
     assert replace(film, seed=seed).explained(fit) is None
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("glare", [-0.1, 0.2])
+def test_light_added_to_whole_frames_is_no_change_and_hides_no_darker_corners(glare, seed, fit):
+    """The fit knows no glare; less glare than it knows is negative."""
+    assert Film(glare=glare, seed=seed).explained(fit) is None
+    assert Film(DARKER_CORNERS, glare=glare, seed=seed).explained(fit)[0] == "vignette"
+
+
 @pytest.mark.parametrize("shaded", [-1.0, 4.5])
 def test_light_that_the_exposure_follows_changes_only_the_error_of_whole_pairs(shaded, fit):
     usual, other = (Film(shaded=light).pairs(fit)[0] for light in (0.0, shaded))
     assert max(abs(one.error - same.error) for one, same in zip(usual, other, strict=True)) > 0.9 * abs(shaded)
     for one, same in zip(usual, other, strict=True):
-        for name in ("matrix", "vector", "fit_products", "grey_limits"):
+        for name in ("matrix", "vector", "matrix_beyond_light", "vector_beyond_light", "fit_products", "grey_limits"):
             np.testing.assert_allclose(getattr(same, name), getattr(one, name), rtol=1e-6, atol=1e-9)
 
 
@@ -165,7 +175,9 @@ def test_the_curve_of_a_response_is_finite_where_pairs_see_black():
     """Both a line in ln g and bends at the knots are evaluated at grey level zero."""
     change = np.zeros(len(CHANGE_GREY_KNOTS) + 3)
     change[PARTS["response"]] = 0.1
-    seen = ExplainedChange("response", change, np.eye(len(CHANGE_GREY_KNOTS) + 1), 1.0, 1.0, np.array([0.0, 0.5]))
+    seen = ExplainedChange(
+        "response", change, np.eye(len(CHANGE_GREY_KNOTS) + 1), 1.0, 1.0, 1.0, np.array([0.0, 0.5])
+    )
     assert np.isfinite(seen.curve).all()
     assert np.isfinite(seen.effect)
 

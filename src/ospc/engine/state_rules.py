@@ -143,8 +143,8 @@ RULES: Mapping[type, Mapping[str, Numbers | None]] = {
         "frames_per_s": Numbers(MIN_FRAME_RATE, MAX_FRAME_RATE),
     },
     PairErrors: {
-        "matrix": Numbers(shape=(CHANGES, CHANGES)),
-        "vector": Numbers(shape=(CHANGES,)),
+        "matrix matrix_beyond_light": Numbers(shape=(CHANGES, CHANGES)),
+        "vector vector_beyond_light": Numbers(shape=(CHANGES,)),
         "fit_products": Numbers(shape=(CHANGES, "curves")),
         "error": logs(),
         "common": Numbers(shape=(CHANGES,)),

@@ -29,6 +29,7 @@ from ospc.settings.methods import (
     MIN_EXPLAINED_LOG,
     MIN_HALF_PAIRS,
     MIN_HALF_SIGMAS,
+    MIN_SHARE_BEYOND_LIGHT,
     MIN_SIGNIFICANT_PAIRS,
     MIN_SLOPE,
     MIN_SLOPE_ERROR_LOG,
@@ -82,7 +83,9 @@ def _other_curve(pairs: list[PairErrors], fit: Fit) -> Finding | None:
     explained_log = np.sqrt(max(whole.gain, 0.0) / sum(pair.points for pair in pairs))
     if explained_log < MIN_EXPLAINED_LOG or abs(whole.effect) < MIN_EFFECT_LOG or whole.sigmas < MIN_CHANGE_SIGMAS:
         return None
-    if explained_log < MIN_CHANGE_SHARE * abs(whole.effect) or not best.agree:
+    if explained_log < MIN_CHANGE_SHARE * abs(whole.effect) or whole.share_beyond_light < MIN_SHARE_BEYOND_LIGHT:
+        return None
+    if not best.agree:
         return None
     part = " or ".join(PARTS) if alike else whole.part
     size = f"by {np.expm1(whole.effect):+.0%}" if abs(whole.effect) < MAX_STATED_EFFECT_LOG else "greatly"

@@ -10,6 +10,7 @@ from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit
 from ospc.numerics.robust import median
 from ospc.observations import ExposedObservations
+from ospc.settings.effects import DARKEST_IRRADIANCE
 from ospc.settings.error_model import DARKEST_GREY
 from ospc.settings.methods import (
     CHANGE_GREY_KNOTS,
@@ -37,7 +38,8 @@ class PairErrors:
 
     A change x of the camera adds Φ x to them, and an error δ of the fit's curves subtracts X δ. Pairs are
     described by sums over their scene points, after subtraction of the mean over the pair, so changes of light that
-    affect all points equally have no influence.
+    affect all points equally have no influence. Glare adds the same light to all points of a frame, and more to ln of
+    the irradiance of dark points; what it may explain is subtracted only from the sums named after it.
     """
 
     frame0: int
@@ -49,6 +51,10 @@ class PairErrors:
     """ΦᵀΦ, shape (11, 11)."""
     vector: FloatArray
     """Φᵀρ, shape (11,)."""
+    matrix_beyond_light: FloatArray
+    """ΦᵀΦ without what light added to either frame, the same for all its points, may explain, shape (11, 11)."""
+    vector_beyond_light: FloatArray
+    """Φᵀρ without it, shape (11,)."""
     fit_products: FloatArray
     """ΦᵀX, shape (11, p)."""
     error: float
@@ -80,6 +86,7 @@ class PairErrors:
         columns = np.column_stack([-np.interp(grey, basis.grid, log_g), -hats, squared, squared**2, seen.position])
         # The second observation of each point minus the first.
         change, parameter = (values[1::2] - values[0::2] for values in (columns, -rows))
+        light = np.array([-1.0, 1.0]) * np.exp(-np.maximum(predicted, np.log(DARKEST_IRRADIANCE))).reshape(-1, 2)
         # Relative to the median, so that an error common to the pair keeps full weight however large it is.
         weight = (1 / (1 + ((error - middle) / OUTLIER_ERROR_LOG) ** 2))[:, None]
         root = np.sqrt(weight)
@@ -91,12 +98,16 @@ class PairErrors:
             return np.asarray(root * (values - mean(values)))
 
         phi, rho, x = centred(change), centred(error[:, None])[:, 0], centred(parameter)
+        by_light, _ = np.linalg.qr(centred(light))
+        phi_beyond = phi - by_light @ (by_light.T @ phi)
         return cls(
             frame0=int(seen.frame[0]),
             frame1=int(seen.frame[1]),
             points=len(error),
             matrix=phi.T @ phi,
             vector=phi.T @ rho,
+            matrix_beyond_light=phi_beyond.T @ phi_beyond,
+            vector_beyond_light=phi_beyond.T @ rho,
             fit_products=phi.T @ x,
             error=middle,
             common=mean(change),
@@ -136,6 +147,8 @@ class ExplainedChange:
     """Covariance of the part's parameters, from the scatter between pairs and the uncertainty of the fit."""
     gain: float
     """Reduction of the sum of squared errors."""
+    share_beyond_light: float
+    """Reduction by any change of the part beyond that by light added to frames, relative to the gain."""
     max_radius: float
     """Radius of the pairs' observations."""
     grey_limits: FloatArray
@@ -145,9 +158,7 @@ class ExplainedChange:
     def of(cls, pairs: list[PairErrors], fit: Fit, part: str) -> ExplainedChange:
         """Explain pairs by a change of one part; the covariance includes a systematic error of each parameter."""
         own = PARTS[part]
-        matrix = np.sum([pair.matrix[own, own] for pair in pairs], axis=0)
-        inverse = np.linalg.inv(matrix + NO_CHANGE_POINTS * np.eye(len(matrix)))
-        found = inverse @ np.sum([pair.vector[own] for pair in pairs], axis=0)
+        inverse, found = _least_squares([(pair.matrix[own, own], pair.vector[own]) for pair in pairs])
         scores = np.stack([pair.vector[own] - pair.matrix[own, own] @ found for pair in pairs])
         by_fit = inverse @ np.sum([pair.fit_products[own] for pair in pairs], axis=0)
         curves = slice(fit.vignette_part.stop)
@@ -157,9 +168,13 @@ class ExplainedChange:
         change = np.zeros(len(pairs[0].vector))
         change[own] = found
         gain = sum(pair.gain(change) for pair in pairs)
+        beyond_light = [(pair.matrix_beyond_light[own, own], pair.vector_beyond_light[own]) for pair in pairs]
+        _, found_beyond = _least_squares(beyond_light)
+        gain_beyond = float(found_beyond @ np.sum([vector for _, vector in beyond_light], axis=0))
+        share = gain_beyond / gain if gain > 0 else 0.0
         max_radius = float(np.median([pair.max_radius for pair in pairs]))
         grey_limits = np.median([pair.grey_limits for pair in pairs], axis=0)
-        return cls(part, change, covariance, gain, max_radius, grey_limits)
+        return cls(part, change, covariance, gain, share, max_radius, grey_limits)
 
     @property
     def sigmas(self) -> float:
@@ -185,3 +200,10 @@ class ExplainedChange:
     def effect(self) -> float:
         """Largest value of the curve, with its sign."""
         return float(self.curve[np.argmax(np.abs(self.curve))])
+
+
+def _least_squares(equations: list[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
+    """Return the inverse of the summed matrices, with the prior that nothing changed, and the solution."""
+    matrices, vectors = zip(*equations, strict=True)
+    inverse = np.linalg.inv(np.sum(matrices, axis=0) + NO_CHANGE_POINTS * np.eye(len(vectors[0])))
+    return inverse, inverse @ np.sum(vectors, axis=0)

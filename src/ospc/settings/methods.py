@@ -122,6 +122,11 @@ MIN_CHANGE_SHARE = 0.03
 """The same, relative to the size of the change: a change much larger than the errors that show it is extrapolated. It
 was 0.037 or more for ten changes of response or vignette in simulated video, and 0.02 in one without a change, whose
 views hardly moved vertically: their errors seemed to show a tilt of ln V by 0.3."""
+MIN_SHARE_BEYOND_LIGHT = 0.02
+"""Share of the squared errors explained by a change that light added to single frames must leave to it. In simulated
+video, it was 0.10 to 0.37 for changes of response or vignette and 0.07 for a black level that rose by 3 % of white
+after the response. With veiling glare of 8 and 10 % for six seconds, with a sun that passed, and with a black level
+that rose before the response, it was at most 0.0005."""
 MIN_CORRELATION = 0.7
 """Minimum correlation between the change curves of both halves; those of real changes had at least 0.87."""
 MIN_CHANGE_SIGMAS, MIN_HALF_SIGMAS = 12.0, 6.0
