@@ -79,6 +79,12 @@ class Disturbed:
     local: float = 0.0
     light: float = 0.0
     slow_light: float = 0.0
+    rise: float = 0.0
+    """Rise of ln of the light from the first frame to the last."""
+    ramp: bool = False
+    """Whether the exposure only rises."""
+    apart: int = 1
+    """Distance in frames of the two frames of a pair."""
     shortest: float = -1.0
     """ln of the shortest exposure relative to the typical one."""
 
@@ -90,6 +96,9 @@ class Disturbed:
         time_of = np.linspace(-1, 1, FRAMES)[:, None]
         time = time_of[group]
         true_ms = TYPICAL_MS * np.exp(random.uniform(self.shortest, 1, (FRAMES, 2)))[group]
+        number = 2 * np.arange(FRAMES)[:, None] + [0, self.apart]
+        part = (number / number.max())[group]
+        true_ms = TYPICAL_MS * np.exp(2 * part - 1) if self.ramp else true_ms
         rate = random.normal(0, 0.1, (FRAMES, 2))[group]
         stated_ms = true_ms * np.exp(-self.late * rate) - self.offset * TYPICAL_MS
         if self.speeds:
@@ -101,7 +110,7 @@ class Disturbed:
         stated_ms = TYPICAL_MS * np.exp(stretched - self.power_of_logarithm * stretched**2)
         log_light = self.light * random.standard_normal((FRAMES, 2)) + self.slow_light * np.sin(12 * time_of) * [0, 1]
         lit_ms = true_ms * np.exp(log_light)[group] * np.exp(self.step * (true_ms > 1.2 * TYPICAL_MS))
-        radiance = np.exp(random.normal(-1.5, 0.9, n))[:, None] / TYPICAL_MS
+        radiance = np.exp(random.normal(-1.5, 0.9, n))[:, None] / TYPICAL_MS * np.exp(self.rise * part)
         place = random.uniform(-1, 1, (n, 2, 2)) * np.array(SIZE) / np.hypot(*SIZE)
         squared_radius = np.sum(place**2, axis=2)
         moved = self.stabilised * random.standard_normal((FRAMES, 2, 2))[group]
@@ -148,7 +157,7 @@ class Disturbed:
             grey_third_moment=both(np.zeros((n, 2))),
             frame_moments=both(frame_moments),
             surround_moments=both(surround_moments),
-            frame=both(2 * group[:, None] + [0, 1]),
+            frame=both(number[group]),
             point=np.repeat(np.arange(exposed.sum()), 2),
             group=both(group[:, None]),
             log_exposure=both(np.log(stated_ms)),
@@ -195,6 +204,7 @@ def test_a_camera_without_effects_has_none(seed: int) -> None:
         (Disturbed(offset=0.05), "exposure offset", 0.05),
         (Disturbed(offset=-0.05), "exposure offset", -0.05),
         (Disturbed(late=0.4), "late exposures", 0.4),
+        (Disturbed(rise=-0.05, apart=20), "drifting light", -0.05),
     ],
 )
 def test_an_effect_of_a_camera_is_measured_and_corrected(camera: Disturbed, name: str, value: float) -> None:
@@ -323,6 +333,17 @@ def test_white_pixels_of_unknown_brightness_are_no_contradiction() -> None:
 )
 def test_a_black_level_that_changes_is_found_beside_glare(camera: Disturbed, name: str) -> None:
     assert name in stated(camera.fit())
+
+
+@pytest.mark.parametrize("rise", [0.0, 0.02])
+def test_light_may_drift_while_the_exposure_only_rises(rise: float) -> None:
+    """The images do not show whether the light drifted, so the uncertainty allows for it."""
+    ramp, both_ways = (Disturbed(rise=rise, ramp=ramp, apart=20).fit() for ramp in (True, False))
+    (drift,) = (one for one in ramp.effect_estimates if one.name == "drifting light")
+    assert drift.sigma == pytest.approx(0.05, rel=0.1)
+    assert not drift.corrected
+    assert abs(step_in_sigmas(ramp)) < 3
+    assert ramp.log_response_step_sigma(0.25, 0.75) > 3 * both_ways.log_response_step_sigma(0.25, 0.75)
 
 
 @pytest.mark.parametrize("plain_is_steady", [True, False])

@@ -70,7 +70,7 @@ def test_a_contradiction_is_not_why_a_stationary_camera_shows_no_vignette():
 def test_wider_exposures_are_only_asked_for_if_they_were_narrower(times, asks):
     verdict = response(times=times)
     assert verdict.state == "not identifiable"
-    assert ("sweep the exposure by a factor of 8 or more" in verdict.remedy) is asks
+    assert ("sweep the exposure up and down by a factor of 8 or more" in verdict.remedy) is asks
     assert verdict.remedy
 
 
@@ -84,6 +84,15 @@ def test_a_third_exposure_is_asked_for_if_there_are_only_two(low_ms, high_ms):
         for observations in (alternating, pairs)
     ]
     assert [remedy.startswith("use three or more different exposures") for remedy in remedies] == [True, False]
+
+
+@pytest.mark.parametrize(("cycles", "asks"), [(0.25, True), (1, False)])
+def test_exposures_that_only_rise_are_to_rise_and_fall(cycles, asks):
+    pairs = INPUTS.observations
+    course = 2 * np.pi * cycles * pairs.frame / pairs.frame.max()
+    changing = replace(pairs, log_exposure=np.log(10) + np.sin(course))
+    remedy = response_verdict(DefaultSettings(), UNCERTAIN, changing, 0.0).remedy
+    assert remedy.startswith("raise and lower the exposure") is asks
 
 
 @pytest.mark.parametrize(

@@ -111,7 +111,7 @@ RULES: Mapping[type, Mapping[str, Numbers | None]] = {
     ResponseBasis: {"intervals": Numbers(1, MOST_INTERVALS)},
     Effects: {
         "log_typical_exposure": logs(),
-        "groups": count(2),
+        "groups frames": count(2),
         "step_exposures": Numbers(0, LARGEST, ("steps",), unknown=True, most=STEP_EXPOSURES),
     },
     AbsorbedLight: {"frame_moments": Numbers(shape=(MOMENTS,)), "surround_moments": Numbers(shape=(1 + MOMENTS,))},

@@ -13,8 +13,9 @@ from ospc.estimation.effect_models import (
     CONTRADICTIONS,
     CORRECTED,
     CURVES_OF_EXPOSURES,
+    DRIFTING_LIGHT,
     EFFECTS,
-    EXPOSURE_ERRORS,
+    OF_STATIONARY_CAMERA,
     ONLY_IF_FOUND,
 )
 from ospc.estimation.effect_trials import (
@@ -94,9 +95,11 @@ def _of_stationary_camera(plain: Fitted, plan: FitPlan) -> Fit:
     """Return the fit with the errors of the exposures that the observations show."""
     if plain.fit.groups < MIN_GROUPS:
         return plain.fit  # in a few brackets, an error of the exposures is part of the response
-    fitted, trials = _with_effects(plain, estimate_effects(plain, EXPOSURE_ERRORS), plan)
+    fitted, trials = _with_effects(plain, estimate_effects(plain, OF_STATIONARY_CAMERA), plan)
+    # A series takes seconds, often with the exposure only rising: a drift that it cannot show is not expected.
+    expected = [trial for trial in trials if trial.name != DRIFTING_LIGHT]
     fitted = _with_model_errors(fitted)
-    return _with_estimates(fitted, trials, _estimate_of_gains(fitted.fit, plain.observations))
+    return _with_estimates(fitted, expected, _estimate_of_gains(fitted.fit, plain.observations))
 
 
 def _of_moving_camera(
@@ -121,12 +124,11 @@ def _of_moving_camera(
         return _with_estimates(plain, plain_trials, _estimates(fit)[-1:])
     if fit.groups < MIN_GROUPS:
         return _with_estimates(fitted, trials, ())
-    residual = _of_own_light(fit, observations)
-    if unsteady := _unsteadiness(fitted, residual):
+    if unsteady := _unsteadiness(fitted):
         # If the plain fit is steady, the effects are spurious.
-        alone = not len(fit.effects) or _unsteadiness(plain, _of_own_light(plain.fit, observations))
+        alone = not len(fit.effects) or _unsteadiness(plain)
         return _with_estimates(plain, plain_trials, unsteady if alone else ())
-    found = uneven_vignette(residual, fitted.weighted[0].sigma, observations)
+    found = uneven_vignette(fit.residuals(observations), fitted.weighted[0].sigma, observations)
     found = found or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
     return _with_estimates(fitted, trials, (*_estimate_of_gains(fit, observations), *found))
 
@@ -135,16 +137,12 @@ def _is_contradicted(fit: Fit) -> bool:
     return any(name in CONTRADICTIONS for name in fit.effects.chosen)
 
 
-def _of_own_light(fit: Fit, observations: ExposedObservations) -> FloatArray:
-    """Return the residuals; NaN where most of the light may be scattered light, which is not exactly known."""
-    scattered = fit.scattered_share(observations)
-    return np.where(scattered < MOST_SCATTERED_SHARE, fit.residuals(observations), np.nan)
-
-
-def _unsteadiness(fitted: Fitted, residual: FloatArray) -> tuple[EffectEstimate, ...]:
-    """Return differences between the frames of a pair, from the residuals where the basis resolves the response."""
-    resolved = np.where(fitted.fit.resolves(fitted.observations), residual, np.nan)
-    return unsteadiness(resolved, fitted.weighted[0].sigma, fitted.observations)
+def _unsteadiness(fitted: Fitted) -> tuple[EffectEstimate, ...]:
+    """Return differences between the frames of a pair, where the basis resolves the response and light is known."""
+    fit, observations = fitted.fit, fitted.observations
+    known = fit.resolves(observations) & (fit.scattered_share(observations) < MOST_SCATTERED_SHARE)
+    residual = np.where(known, fit.residuals(observations), np.nan)
+    return unsteadiness(residual, fitted.weighted[0].sigma, observations)
 
 
 def _with_effects(

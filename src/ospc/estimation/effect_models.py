@@ -31,6 +31,7 @@ from ospc.settings.effects import (
     LATENESS,
     LATENESS_MODEL_ERROR,
     LEAST_NOMINAL,
+    LIGHT_DRIFT,
     LOCAL_TONE,
     MOST_ADDED_LIGHT,
     MOST_LATE_FRAMES,
@@ -73,6 +74,9 @@ class Circumstances:
     """Exposure relative to the typical one, shape (n,)."""
     time: FloatArray
     """Time from −1 in the first group to 1 in the last, shape (n,)."""
+    part_of_recording: FloatArray
+    """Time from 0 in the first frame to 1 in the last, or to less in few frames, shape (n,). It differs between the
+    frames of a group."""
     grey: FloatArray
     """Expected grey levels, shape (n,)."""
     gamma: FloatArray
@@ -199,6 +203,9 @@ def _step_name(number: int) -> str:
     return f"gain step {number + 1} of {STEP_EXPOSURES}"
 
 
+DRIFTING_LIGHT = "drifting light"
+"""The light of the scene rises or falls evenly, as at dusk or while a lamp warms up."""
+
 GAIN_STEPS = tuple(map(_step_name, range(STEP_EXPOSURES)))
 """The gain differs beyond an exposure, which so many sixteenths of the observations do not exceed."""
 
@@ -220,6 +227,7 @@ EFFECTS = {
         least=-MOST_LATE_FRAMES,
         most=MOST_LATE_FRAMES,
     ),
+    DRIFTING_LIGHT: Effect("log", lambda seen: seen.part_of_recording, *LIGHT_DRIFT),
     NOMINAL_EXPOSURES: Effect("log", _missing_of_nominal, *NOMINAL, least=LEAST_NOMINAL, most=MOST_NOMINAL),
     **{name: _gain_step(number) for number, name in enumerate(GAIN_STEPS)},
     # The grey level is multiplied by a power θ of that of the surroundings.
@@ -247,9 +255,9 @@ LIGHT_FIXED_TO_CAMERA = (*STRAY_LIGHT, *DARK_SIGNAL)
 SCATTERED_LIGHT = ("veiling glare", "light scattered nearby")
 """Light of the scene that reaches other parts of the image."""
 
-EXPOSURE_ERRORS = ("exposure offset", NOMINAL_EXPOSURES)
-"""Errors that each exposure has wherever it recurs. Most other effects also change with time, place or light, which a
-stationary camera does not vary independently."""
+OF_STATIONARY_CAMERA = ("exposure offset", NOMINAL_EXPOSURES, DRIFTING_LIGHT)
+"""Errors that each exposure has wherever it recurs, and light that drifts meanwhile. Most other effects also change
+with place or other light, which a stationary camera does not vary independently."""
 
 CORRECTED = (
     *SCATTERED_LIGHT,
@@ -257,6 +265,7 @@ CORRECTED = (
     *LIGHT_FIXED_TO_CAMERA,
     "exposure offset",
     LATE_EXPOSURES,
+    DRIFTING_LIGHT,
     NOMINAL_EXPOSURES,
     *GAIN_STEPS,
 )

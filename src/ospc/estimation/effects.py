@@ -29,6 +29,7 @@ from ospc.settings.effects import (
     BEYOND_WHITE,
     DARKEST_IRRADIANCE,
     DIFFERENT_LOG_EXPOSURE,
+    LIGHT_DRIFT_FRAMES,
     LIGHT_FIT_FLOOR,
     MAX_ADDED_SHARE,
     MIN_EXPOSURE_FACTOR,
@@ -83,6 +84,8 @@ class Effects:
     """ln ē, in milliseconds."""
     groups: tuple[int, int] = (0, 1)
     """First and last group of the observations."""
+    frames: tuple[int, int] = (0, 1)
+    """Numbers of their first and last frame."""
     absorbed: AbsorbedLight = field(default_factory=AbsorbedLight)
     """Amounts of additional light contained in the response. A constant amount cannot be distinguished from the
     response. During the fit, the effects therefore only describe the difference of each observation from one with
@@ -95,6 +98,7 @@ class Effects:
     def none_of(cls, observations: ExposedObservations) -> Effects:
         """Return an empty selection, with the reference values of the observations."""
         groups = int(observations.group.min()), int(observations.group.max())
+        frames = int(observations.frame.min()), int(observations.frame.max())
         frame, around = observations.frame_moments, observations.surround_moments
         log_exposure = observations.log_exposure
         typical = float(np.median(log_exposure))
@@ -102,7 +106,7 @@ class Effects:
             tuple(frame[_at(ABSORBED_FRAME_LIGHT, frame[:, 0])].tolist()),
             tuple(around[_at(ABSORBED_NEARBY_LIGHT, around[:, 1])].tolist()),
         )
-        return cls((), typical, groups, absorbed, _step_exposures(log_exposure, typical))
+        return cls((), typical, groups, frames, absorbed, _step_exposures(log_exposure, typical))
 
     def __len__(self) -> int:
         """Return the number of parameters."""
@@ -120,10 +124,12 @@ class Effects:
     def terms(self, observations: ExposedObservations, response: ResponseTables, index: IntArray) -> EffectTerms:
         """Return the terms of the effects for a response; ``index`` is the grid index of each expected grey level."""
         first, last = self.groups
+        begin, end = self.frames
         seen = Circumstances(
             observations,
             exposure=np.exp(observations.log_exposure - self.log_typical_exposure),
             time=2 * (observations.group - first) / max(last - first, 1) - 1,
+            part_of_recording=(observations.frame.astype(np.float64) - begin) / max(end - begin, LIGHT_DRIFT_FRAMES),
             grey=response.grid[index],
             gamma=response.gamma[index],
             light_of_moments=response.light_of_moments,

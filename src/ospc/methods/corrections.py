@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ospc.errors import plain
-from ospc.estimation.effect_models import GAIN_STEPS, LIGHT_FIXED_TO_CAMERA
+from ospc.estimation.effect_models import DRIFTING_LIGHT, GAIN_STEPS, LIGHT_FIXED_TO_CAMERA
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.light_shapes import DARK_SIGNAL, STRAY_LIGHT, UNEVEN_GLARE
@@ -22,7 +22,7 @@ _EDGES = {"sideways": "per half diagonal to the right", "vertically": "per half 
 
 _STRAY = "light fixed to the camera (a leak, a reflection, dark current) adds {{amount}} of white {} at {{typical}}"
 
-_ADDED_LIGHT = {
+_LIGHT = {
     "veiling glare": "veiling glare of {amount} of the mean irradiance of each frame was found and corrected",
     "light scattered nearby": "{amount} of the light is scattered nearby; this was corrected",
     **{
@@ -30,12 +30,13 @@ _ADDED_LIGHT = {
         for name, where in UNEVEN_GLARE.items()
     },
     **{name: _STRAY.format(_EDGES.get(where, where)) + "; this was corrected" for name, where in STRAY_LIGHT.items()},
+    DRIFTING_LIGHT: "the light rose by {amount} from the first frame to the last; this was corrected",
     **{
         name: f"the black level is {{amount}} of white higher {_EDGES.get(where, where)}; this was corrected"
         for name, where in DARK_SIGNAL.items()
     },
 }
-"""The note on each kind of light that was added, with its amount and the exposure."""
+"""The note on light that was added or changed, with its amount and the exposure."""
 
 _RANDOM = {
     UNSTEADY_LIGHT: (
@@ -73,9 +74,9 @@ def _corrected(found: EffectEstimate, effects: Effects) -> str:
     typical_ms = float(np.exp(effects.log_typical_exposure))
     digits = 2 if found.name in LIGHT_FIXED_TO_CAMERA else 1
     sigma = f"± {found.sigma:.{digits}%}"
-    if found.name in _ADDED_LIGHT:
+    if found.name in _LIGHT:
         amount = f"{found.value:.{digits}%} {sigma}"
-        return _ADDED_LIGHT[found.name].format(amount=amount, typical=f"{plain(typical_ms, 3)} ms")
+        return _LIGHT[found.name].format(amount=amount, typical=f"{plain(typical_ms, 3)} ms")
     if found.name in GAIN_STEPS:
         limit_ms = effects.step_exposures[GAIN_STEPS.index(found.name)] * typical_ms
         share, than = f"{abs(found.value):.1%} {sigma}", "brighter" if found.value > 0 else "darker"

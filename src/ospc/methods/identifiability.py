@@ -25,6 +25,7 @@ from ospc.settings.methods import (
     MAX_CORNER_ERROR_SHARE,
     MIN_SCATTER_GROUPS,
     ONE_DIRECTION_RATIO,
+    ONE_WAY_SHARE,
     POSSIBLE_LIGHT_SIGMAS,
     UNIDENTIFIABLE_FACTOR,
     WIDE_EXPOSURE_RATIO,
@@ -35,12 +36,16 @@ _SEE_MORE = (
     "but too little of the scene is well exposed in two frames"
 )
 _CHANGE_EXPOSURE = (
-    "record with auto exposure on while moving between dark and bright places, or sweep the exposure by a factor of "
-    f"{WIDE_EXPOSURE_RATIO:g} or more"
+    "record with auto exposure on while moving between dark and bright places, or sweep the exposure up and down by "
+    f"a factor of {WIDE_EXPOSURE_RATIO:g} or more"
 )
 _THREE_EXPOSURES = (
     "use three or more different exposures: two do not show whether a constant is missing in both, on which the "
     "response depends"
+)
+_UP_AND_DOWN = (
+    "raise and lower the exposure several times: it only rose or fell, so light that drifts meanwhile would look "
+    "like another response"
 )
 _CLEARER = (
     "clean the lens, and keep haze, sun and lamps out of the view: it is uncertain whether there is {what}, and this "
@@ -102,10 +107,11 @@ def response_verdict(
             _CHANGE_EXPOSURE,
         )
     found = response_verdict_of_fit(fit, (low, high), unexplained, contradictions)
-    different = 0 if observations is None else len(np.unique(observations.log_exposure.round(LOG_RATIO_DECIMALS)))
-    if different == 2 and found.remedy in (_CHANGE_EXPOSURE, _SEE_MORE):
+    if observations is None or found.remedy not in (_CHANGE_EXPOSURE, _SEE_MORE):
+        return found
+    if len(np.unique(observations.log_exposure.round(LOG_RATIO_DECIMALS))) == 2:
         return replace(found, remedy=_THREE_EXPOSURES)
-    return found
+    return replace(found, remedy=_UP_AND_DOWN) if _goes_one_way(observations) else found
 
 
 def response_verdict_of_fit(
@@ -189,6 +195,13 @@ def _is_unsteady(fit: Fit) -> bool:
     """Return whether unsteady light prevents the response, and with it the vignette, from being known."""
     between_frames = float(np.sqrt(2 * sum(fit.errors.gain_variances)))
     return between_frames > IDENTIFIABLE_ERROR and fit.log_ratio_error_bound > IDENTIFIABLE_ERROR
+
+
+def _goes_one_way(observations: ExposedObservations) -> bool:
+    """Return whether the exposure hardly ever rises, or hardly ever falls."""
+    _, first = np.unique(observations.frame, return_index=True)
+    changes = np.diff(observations.log_exposure[first])
+    return bool(abs(changes.sum()) > ONE_WAY_SHARE * np.abs(changes).sum())
 
 
 def _clearer_view(fit: Fit) -> str:

@@ -200,6 +200,9 @@ WIDE_EXPOSURE_RATIO = 8.0
 POSSIBLE_LIGHT_SIGMAS = 2.0
 """Standard deviations beyond which uncorrected scattered light is stated as the reason for an uncertain response: a
 fisheye and a wet lens had 2.2 to 3."""
+ONE_WAY_SHARE = 0.9
+"""Change of ln exposure from the first frame to the last, as a share of the sum of all changes, from which the advice
+is to raise and lower the exposure several times. It is 1 if the exposure only rises, and 0 if it falls as much."""
 FAR_RADIAL_REACH = 0.2
 """Radial motion, in half diagonals, beyond which more motion is no longer advised: the fifth that is asked for."""
 ONE_DIRECTION_RATIO = 4.0
