@@ -183,9 +183,11 @@ def _with_effects(
 
 def _shown_by_own_light(fit: Fit, observations: ExposedObservations, plan: FitPlan) -> bool:
     """Return whether points whose light is mostly their own show the last effect, too, if it is a contradiction."""
+    if fit.effects.chosen[-1] not in CONTRADICTIONS:
+        return True
     # The scattered light is known to a few per cent: an error that counts where it is most of the light.
     own = observations.combined(np.maximum, fit.scattered_share(observations)) < MOST_SCATTERED_SHARE
-    if own.all() or fit.effects.chosen[-1] not in CONTRADICTIONS:
+    if own.all():
         return True
     left = observations.of_points(own)
     return len(np.unique(left.group)) < MIN_GROUPS or _significant(plan.refit(left, fit), -1)

@@ -148,24 +148,17 @@ def _light(
     return Effect("light", amount, *sigmas, ADDED_LIGHT_MODEL_ERROR, least, MOST_ADDED_LIGHT, alternatives)
 
 
-def _uneven_glare(where: str) -> Effect:
-    """Return the effect of glare that is strongest in a part of the image."""
+def _shaped_light(
+    where: str, strength: Callable[[Circumstances], FloatArray], sigmas: tuple[float, float, float], alternatives: int
+) -> Effect:
+    """Return the effect of light with a shape in the image, given how strong it is in each observation."""
     shape = SHAPES[where]
-
-    def amount(seen: Circumstances) -> FloatArray:
-        return (seen.observations.frame_moments @ seen.light_of_moments) * shape(*seen.position.T)
-
-    return _light(amount, GLARE_SHAPE, -MOST_ADDED_LIGHT, len(UNEVEN_GLARE))
+    return _light(lambda seen: strength(seen) * shape(*seen.position.T), sigmas, -MOST_ADDED_LIGHT, alternatives)
 
 
-def _fixed_light(where: str, power: int) -> Effect:
-    """Return the effect of light that is fixed to the camera and grows with a power of the exposure."""
-    shape = SHAPES[where]
-
-    def amount(seen: Circumstances) -> FloatArray:
-        return seen.exposure**power * shape(*seen.position.T)
-
-    return _light(amount, FIXED_LIGHT, -MOST_ADDED_LIGHT, len(SHAPES))
+def _mean_of_frame(seen: Circumstances) -> FloatArray:
+    """Return the mean irradiance of the frame, shape (n,)."""
+    return np.asarray(seen.observations.frame_moments @ seen.light_of_moments)
 
 
 def _gain_step(number: int) -> Effect:
@@ -213,9 +206,18 @@ EFFECTS = {
     # Light is relative to that contained in the response.
     "veiling glare": _light(lambda seen: seen.light_of_frame, GLARE),
     "light scattered nearby": _light(lambda seen: seen.light_around, SCATTER),
-    **{name: _uneven_glare(where) for name, where in UNEVEN_GLARE.items()},
-    **{name: _fixed_light(where, 1) for name, where in STRAY_LIGHT.items()},
-    **{name: _fixed_light(where, 0) for name, where in DARK_SIGNAL.items()},
+    **{
+        name: _shaped_light(where, _mean_of_frame, GLARE_SHAPE, len(UNEVEN_GLARE))
+        for name, where in UNEVEN_GLARE.items()
+    },
+    **{
+        name: _shaped_light(where, lambda seen: seen.exposure, FIXED_LIGHT, len(SHAPES))
+        for name, where in STRAY_LIGHT.items()
+    },
+    **{
+        name: _shaped_light(where, lambda seen: np.ones_like(seen.exposure), FIXED_LIGHT, len(SHAPES))
+        for name, where in DARK_SIGNAL.items()
+    },
     "exposure offset": Effect(
         "exposure", lambda seen: np.ones_like(seen.exposure), *OFFSET, least=-MOST_OFFSET, most=MOST_OFFSET
     ),

@@ -30,11 +30,11 @@ _LIGHT = {
         for name, where in UNEVEN_GLARE.items()
     },
     **{name: _STRAY.format(_EDGES.get(where, where)) + "; this was corrected" for name, where in STRAY_LIGHT.items()},
-    DRIFTING_LIGHT: "the light rose by {amount} from the first frame to the last; this was corrected",
     **{
         name: f"the black level is {{amount}} of white higher {_EDGES.get(where, where)}; this was corrected"
         for name, where in DARK_SIGNAL.items()
     },
+    DRIFTING_LIGHT: "the light changed by {amount} from the first frame to the last; this was corrected",
 }
 """The note on light that was added or changed, with its amount and the exposure."""
 

@@ -80,6 +80,8 @@ class Agreement:
 
     def with_scatter(self, summary: Summary) -> Summary:
         """Return a summary whose systematic errors include the scatter between the agreeing recordings."""
+        if not any(self.scatter.values()):
+            return summary
         basis = replace(VIGNETTE, usable_radius=summary.usable_radius, reach=summary.vignette_reach)
         covariance = _prior_covariance(summary.estimate[RESPONSE_PART], basis)
         for part, inside in _PARAMETERS.items():
