@@ -14,10 +14,12 @@ import pytest
 
 from calibrations import SIZE, calibration
 from command_line import leave_out, ospc
+from ospc.cli.calibration_result import say_verdicts
 from ospc.errors import FrameError, OspcError
 from ospc.formats.dso import read_pcalib, read_vignette, write_pcalib, write_vignette
 from ospc.methods.method import Progress
 from ospc.photometry.calibration import Calibration
+from ospc.photometry.verdict import Verdict
 from ospc.recording import open_recording
 from ospc.recording.exposure_lists import read_times
 from ospc.settings import DefaultSettings
@@ -136,6 +138,15 @@ def test_the_output_states_verdict_reason_and_folder(recording, tmp_path, method
     assert result.exit_code == 3  # too few frames to confirm that the exposures match
     for expected in ("response", "vignette", "identifiable", "it was seen", str(tmp_path / "out"), "pcalib.txt"):
         assert expected in result.stdout
+
+
+def test_the_output_says_a_warning_and_a_remedy_once(capsys: pytest.CaptureFixture[str]) -> None:
+    doubted = Verdict("marginal", "known to 2%, but the vignette moves", "lock the zoom")
+    say_verdicts({"response": doubted, "vignette": doubted}, ["the vignette moves"])
+    words = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert words.count("known to 2%, but see the warning") == 2
+    assert words.count("the vignette moves") == 0
+    assert words.count("→ lock the zoom") == words.count("→ as for the response") == 1
 
 
 @pytest.mark.parametrize("part", ["response", "vignette"])

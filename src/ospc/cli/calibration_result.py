@@ -176,7 +176,7 @@ class ResultFolder:
         counts, ratios = calibration.counts, calibration.exposure_ratios
         if counts.get("skipped"):
             say_notes([skipped_in_words(counts["skipped"], counts["frames"], outcome.skipped)])
-        say_verdicts(calibration.verdicts)
+        say_verdicts(calibration.verdicts, calibration.warnings)
         for line in outcome.basis():
             say(line)
         say(f"written to {folder}: {', '.join(str(file.relative_to(folder)) for file in written.files)}")
@@ -225,18 +225,20 @@ class ResultFolder:
         }
 
 
-def say_verdicts(verdicts: Mapping[str, Verdict]) -> None:
-    """Print the verdicts with their reasons and remedies."""
+def say_verdicts(verdicts: Mapping[str, Verdict], warnings: Sequence[str] = ()) -> None:
+    """Print the verdicts with their reasons and remedies; warnings that were printed before are not repeated."""
     from rich.text import Text
 
-    rows = (
-        (
-            Text(name),
-            Text(verdict.state, style=_STYLES[verdict.state]),
-            Text(f"{verdict.reason}\n→ {verdict.remedy}" if verdict.remedy else verdict.reason),
-        )
-        for name, verdict in verdicts.items()
-    )
+    see = "see the warning" if len(warnings) == 1 else "see the warnings"
+    rows, first = [], dict[str, str]()
+    for name, verdict in verdicts.items():
+        why = verdict.reason
+        for warning in warnings:
+            why = why.replace(warning, see)
+        if verdict.remedy:
+            same = first.setdefault(verdict.remedy, name)
+            why += f"\n→ {verdict.remedy if same == name else f'as for the {same}'}"
+        rows.append((Text(name), Text(verdict.state, style=_STYLES[verdict.state]), Text(why)))
     say()
     say_table(("", "state", "why, and what to record instead"), rows, columns_when_piped=_WIDTH_WHEN_PIPED)
     say()
