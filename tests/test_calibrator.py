@@ -111,10 +111,26 @@ def in_colour(index):
     return Frame(index, 0.0, 1.0, f"{index}.png", lambda: np.zeros((6, 8, 3), np.uint8), colour=True)
 
 
-@pytest.mark.parametrize("values", [{"max_points": 5e3}, {"max_points": np.int64(5)}, {"min_points": None}])
+@pytest.mark.parametrize("values", [{"max_points": 5e3}, {"max_points": np.float64(5)}, {"min_points": None}])
 def test_settings_of_another_type_are_refused_before_the_run(values):
     with pytest.raises(SettingError, match="takes a value of type int"):
         DefaultSettings(**values)
+
+
+def test_settings_may_be_numbers_of_numpy():
+    assert DefaultSettings(max_points=np.int64(500), smoothing_px=np.float32(2)) == DefaultSettings(
+        max_points=500, smoothing_px=2.0
+    )
+
+
+@pytest.mark.parametrize(
+    ("setting", "most"), [("response_intervals", 256), ("series_intervals", 256), ("radial_terms", 32)]
+)
+def test_settings_that_no_calibration_or_state_may_have_are_refused(setting, most):
+    DefaultSettings(**{setting: most})
+    for value in (most + 1, most * 10) if setting == "radial_terms" else (1, most + 1):
+        with pytest.raises(SettingError, match=rf"{setting} is {value}; give a number from \d to {most}"):
+            DefaultSettings(**{setting: value})
 
 
 def test_a_class_of_settings_is_no_settings():

@@ -81,7 +81,8 @@ class Observations(ByValue):
     point
         Number of the scene point, not decreasing, shape (n,).
     group
-        Number of the pair of frames (for a static series: of the frame) that the point belongs to, shape (n,).
+        Number of the pair of frames (for a static series of three or more frames: of the frame) that the point
+        belongs to, shape (n,).
         Errors within a group may have a common cause.
     """
 
@@ -204,7 +205,8 @@ class Observations(ByValue):
         by_point = np.array_equal(self.group, np.repeat(self.group[self.starts], self.counts))
         if not by_point and (self.in_pairs or not self._grouped_by_frame):
             raise SettingError(
-                "all observations of a scene point, or in a series all of a frame, need the same group"
+                "all observations of a scene point, or in a series of three or more frames all of a frame, need the "
+                "same group"
             )
 
     def __len__(self) -> int:

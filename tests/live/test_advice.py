@@ -215,10 +215,11 @@ def test_findings_of_the_full_estimate_only_are_shown_as_missing():
     assert found.kind == "move"
 
 
+@pytest.mark.parametrize("goal", [0.01, 0.2, 0.5])
 @pytest.mark.parametrize("made", STATES)
-def test_bars_are_shares(made):
+def test_bars_are_shares(made, goal):
     preview = made()
-    bars = vars(Bars.of(preview, advice(preview)))
+    bars = vars(Bars.of(preview, advice(preview), goal))
     assert set(bars) == {"exposures", "greys", "radii", "certainty"}
     assert all(0 <= value <= 1 for value in bars.values())
     assert Bars.of(None, advice(None)) == Bars()

@@ -82,7 +82,7 @@ def test_the_buffer_of_a_mask_may_be_filled_anew(monkeypatch):
     assert not held.pushed[0].mask.any()
 
 
-@pytest.mark.parametrize("most", [-1, "all"])
+@pytest.mark.parametrize("most", [-1, "all", float("nan")])
 def test_it_waits_for_no_impossible_number_of_frames(most):
     with LiveCalibrator() as live, pytest.raises(SettingError, match="give a number of frames"):
         live.wait(most)

@@ -346,6 +346,14 @@ def test_left_aligned_images_are_refused_and_right_aligned_ones_corrected(bits, 
             use(left)
 
 
+@pytest.mark.parametrize("white", [1e-11, 1e-3, 1e3])
+def test_without_vignette_brighter_pixels_never_become_darker(white):
+    ramp = np.arange(256, dtype=np.uint8)[None]
+    flat = RasterVignette(np.ones((1, 256), np.float32))
+    levels = Corrector(Response.gamma(2.2), flat).without_vignette(ramp, 10.0, white=white)
+    assert np.all(np.diff(levels[0].astype(int)) >= 0)
+
+
 def test_values_with_more_bits_than_the_calibration_are_refused():
     with pytest.raises(FrameError, match="does not match this uint16 image"):
         Corrector(LINEAR, VIGNETTE, 4095).correct(image_of(0, 4097))

@@ -106,6 +106,12 @@ def test_values_that_cannot_be_normalised_are_refused(values):
         Response.from_values(values)
 
 
+@pytest.mark.parametrize("support", [(0.9, 0.1), (-0.1, 1.0), (0.0, 1.1), (0.1, np.nan)])
+def test_an_impossible_measured_range_is_refused(support):
+    with pytest.raises(FormatError, match="support is"):
+        Response(np.linspace(0, 1, 5), support=support)
+
+
 def test_deviations_have_the_shape_of_the_table():
     with pytest.raises(FormatError, match="log_sigma"):
         Response(np.linspace(0, 1, 5), log_sigma=np.zeros((5, 1)))

@@ -108,6 +108,12 @@ def test_a_calibration_without_known_exposures_is_not_started_from(yesterday, tm
         PriorCalibration.open(tmp_path)
 
 
+@pytest.mark.parametrize("read", [PriorCalibration.open, Pool.load, OnlineCalibrator.load_state])
+def test_what_is_no_path_is_refused(read):
+    with pytest.raises(FormatError, match="must be given by its path"):
+        read(None)
+
+
 def test_starting_from_a_calibration_without_new_frames_returns_it(yesterday):
     before = Calibration.load(yesterday)
     nothing = Calibration(size=SIZE, verdicts=before.verdicts)

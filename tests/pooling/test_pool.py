@@ -128,6 +128,13 @@ def test_the_largest_group_of_like_recordings_is_used_and_the_others_named():
     assert len(largest_alike([])[0]) == 0
 
 
+def test_a_recording_between_two_that_differ_goes_with_one_of_them():
+    whites = {"a": 247, "m": 249, "z": 251}
+    pool, differing = largest_alike([replace(plain(k), grey_range=GreyRange(0, w / 255)) for k, w in whites.items()])
+    assert [one.name for one in pool.summaries] == ["a", "m"]
+    assert [found.name for found in differing] == ["z"]
+
+
 def test_pools_and_summaries_are_compared_by_their_content(tmp_path):
     pool = Pool.of([plain("a")])
     loaded = Pool.load(pool.save(tmp_path / "pool.ospc"))

@@ -43,9 +43,9 @@ from ospc.settings.brightness import MAX_BRIGHTNESS_CHANGES, MAX_REPEATED_FRAMES
 from ospc.settings.effects import STEP_EXPOSURES
 from ospc.settings.grey_values import COVERAGE_GREY_CELLS, COVERAGE_RADIUS_CELLS, MAX_COUNTED_FRAMES, MAX_GREY_RANGES
 from ospc.settings.methods import MAX_BASELINE_PAIRS, MAX_EPOCH_CALIBRATIONS, MAX_FRAME_RATE, MIN_FRAME_RATE
-from ospc.settings.response import MAX_KNEES
+from ospc.settings.response import MAX_KNEES, MOST_RESPONSE_INTERVALS
 from ospc.settings.sampling import AGE_CLASSES, MAX_COMPARISONS, MAX_GAIN_POWER
-from ospc.settings.vignette import MAX_VIGNETTE_REACH, MIN_USABLE_RADIUS, VIGNETTE_REACH
+from ospc.settings.vignette import MAX_VIGNETTE_REACH, MIN_USABLE_RADIUS, MOST_RADIAL_TERMS, VIGNETTE_REACH
 from ospc.state.numbers import (
     BINS,
     CHANGES,
@@ -53,8 +53,6 @@ from ospc.state.numbers import (
     LAG,
     LARGEST,
     MOST,
-    MOST_INTERVALS,
-    MOST_RADIAL,
     UNIT,
     Numbers,
     check_settings,
@@ -108,7 +106,7 @@ RULES: Mapping[type, Mapping[str, Numbers | None]] = {
         "gain_from_log_exposure": logs(),
         "gain_power": Numbers(0, MAX_GAIN_POWER),
     },
-    ResponseBasis: {"intervals": Numbers(1, MOST_INTERVALS)},
+    ResponseBasis: {"intervals": Numbers(1, MOST_RESPONSE_INTERVALS)},
     Effects: {
         "log_typical_exposure": logs(),
         "groups frames": count(2),
@@ -116,7 +114,7 @@ RULES: Mapping[type, Mapping[str, Numbers | None]] = {
     },
     AbsorbedLight: {"frame_moments": Numbers(shape=(MOMENTS,)), "surround_moments": Numbers(shape=(1 + MOMENTS,))},
     VignetteBasis: {
-        "radial": Numbers(0, MOST_RADIAL),
+        "radial": Numbers(0, MOST_RADIAL_TERMS),
         "usable_radius": Numbers(MIN_USABLE_RADIUS, 1),
         "reach": Numbers(VIGNETTE_REACH, MAX_VIGNETTE_REACH),
     },
@@ -129,7 +127,7 @@ RULES: Mapping[type, Mapping[str, Numbers | None]] = {
     PriorHyperparameters: {
         "walk": Numbers(1e-6, 1e6),
         "drift vignette_walk": Numbers(0, 1e6),
-        "knees": Numbers(1, MOST_INTERVALS - 1, ("knees",), most=MAX_KNEES),
+        "knees": Numbers(1, MOST_RESPONSE_INTERVALS - 1, ("knees",), most=MAX_KNEES),
     },
     SceneArea: {"fine": Numbers(shape=("rows", "columns")), "contrast pairs": Numbers(0, shape=("rows", "columns"))},
     Baseline: {

@@ -146,7 +146,7 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         SettingError
             If it is no number or negative.
         """
-        if number_of(most) is None or most < 0:
+        if number_of(most) is None or not most >= 0:
             raise SettingError(f"most is {most!r}; give a number of frames, 0 to wait for all")
         with self._running():
             self._changed.wait_for(

@@ -75,7 +75,8 @@ class Bars:
         known = [sigma for sigma in sigmas if sigma is not None]
         certainty = 1.0 if instruction.kind == "done" else 0.0
         if len(known) == len(sigmas) and not certainty:
-            reached = np.log(_NOTHING_KNOWN / max(*known, goal)) / np.log(_NOTHING_KNOWN / goal)
+            least = min(goal, _NOTHING_KNOWN / 2)
+            reached = np.log(_NOTHING_KNOWN / max(*known, least)) / np.log(_NOTHING_KNOWN / least)
             certainty = min(float(reached), _UNCONFIRMED)
         return cls(
             min(float(np.log(high / low) / np.log(_WIDE_RANGE)), 1.0),

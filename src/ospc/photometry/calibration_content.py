@@ -27,13 +27,12 @@ from ospc.photometry.vignette import (
     Vignette,
     diagonal_profile,
 )
+from ospc.settings.vignette import MOST_RADIAL_TERMS
 
 _LARGEST = 1e12
 """Largest number that is read: no calibration comes close, and larger ones would overflow in use."""
 _SMALLEST_RATIO = 1e-12
 """Smallest exposure ratio that is read; smaller ones and zero indicate a damaged file."""
-_MOST_COEFFICIENTS = 32
-"""Maximum number of vignette coefficients that are read, far more than any model has."""
 _LEAST_REACH = 1e-3
 """Smallest radius of the last knot of a vignette that is read, in half diagonals: less than a pixel."""
 _PROBES_PER_SIDE = 33
@@ -137,9 +136,7 @@ def _response_from_dict(content: dict[str, Any]) -> Response:
         raise FormatError(f"inverse_table has {table.size} values, more than the number of grey levels")
     log_sigma = None if content["log_sigma"] is None else _array(content["log_sigma"], "log_sigma", table.shape)
     scale_sigma = None if content["scale_sigma"] is None else _number(content, "scale_sigma")
-    low, high = _array(content["support"], "support", (2,), high=1.0).tolist()
-    if low > high:
-        raise FormatError(f"support ends at {high}, which is below its start at {low}")
+    low, high = _array(content["support"], "support", (2,)).tolist()
     reference = _number(content, "reference_grey") if "reference_grey" in content else math.nan
     return Response(table, log_sigma, scale_sigma, (low, high), dict(content["model"].items()), reference)
 
@@ -152,8 +149,8 @@ def _vignette_from_dict(model: dict[str, Any], size: ImageSize, map_file: Path |
             raise FormatError("the vignette is a map, which these values do not contain; load the calibration file")
         return RasterVignette.read_map(map_file, size, dict(model["source"].items()))
     coefficients = tuple(_signed(model["coefficients"], "coefficients", (None,)).tolist())
-    if len(coefficients) > _MOST_COEFFICIENTS:
-        raise FormatError(f"the vignette has {len(coefficients)} coefficients, more than {_MOST_COEFFICIENTS}")
+    if len(coefficients) > MOST_RADIAL_TERMS:
+        raise FormatError(f"the vignette has {len(coefficients)} coefficients, more than {MOST_RADIAL_TERMS}")
     vignette: Vignette
     if model["name"] == "polynomial":
         x, y = _signed(model.get("centre", (0.0, 0.0)), "centre", (2,)).tolist()

@@ -160,7 +160,7 @@ class Corrector:
         scale = (1.0 if exposure_ms is None else 1.0 / checked_exposure(exposure_ms)) / checked_white(white)
         # In 16 bits, the square root of the irradiance still resolves the darkest grey levels of a gamma curve.
         saturated = _BEYOND if mark_saturated else scale
-        table = 65535 * np.sqrt(self._filled(self._inverse_columns * scale, saturated, pixels))
+        table = 65535 * np.sqrt(np.minimum(self._filled(self._inverse_columns * scale, saturated, pixels), _BEYOND))
         root = look_up(pixels, table.astype(np.float32))
         inverse = self._inverse_vignette(pixels)
         ones = np.ones(root.shape, np.float32)

@@ -70,6 +70,9 @@ class Response(ByValue):
                 "an inverse response must begin at 0 and end at 1; use Response.from_values to normalise it"
             )
         object.__setattr__(self, "inverse_table", table)
+        low, high = self.support
+        if not 0 <= low <= high <= 1:
+            raise FormatError(f"support is {low} to {high}; it must lie in [0, 1], lowest first")
         if math.isnan(self.reference_grey):
             object.__setattr__(self, "reference_grey", sum(self.support) / 2)
         if not 0 < self.reference_grey <= 1:

@@ -134,7 +134,8 @@ def why_unlike(one: Summary, other: Summary) -> str:
 def largest_alike(summaries: Iterable[Summary]) -> tuple[Pool, tuple[Difference, ...]]:
     """Return the largest pool of recordings of one size and range of grey values, and how the others differ."""
     every = list(summaries)
-    groups = [[other for other in every if not why_unlike(one, other)] for one in every]
+    # A pool compares its recordings with that of the smallest key: likeness within a tolerance is not transitive.
+    groups = [[other for other in every if other.key >= one.key and not why_unlike(one, other)] for one in every]
     largest = max(groups, key=len, default=[])
     others = [summary for summary in every if all(summary is not kept for kept in largest)]
     both: tuple[Part, ...] = ("response", "vignette")

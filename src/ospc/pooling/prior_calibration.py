@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import ByValue, ImageSize
-from ospc.errors import NotObservableError, SettingError
+from ospc.errors import FormatError, NotObservableError, SettingError, path_of
 from ospc.methods.identifiability import doubted
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.agreement import Difference, agreement, difference_of
@@ -42,7 +42,7 @@ class PriorCalibration(ByValue):
             If it contains neither response nor vignette, or no majority of its recordings agrees, or if its exposures
             were unknown.
         """
-        place = Path(path)
+        place = path_of(path, FormatError, "a calibration")
         if place.is_dir():
             place = place / (STATE_NAME if (place / STATE_NAME).is_file() else "calibration.json")
         if place.suffix == ".json":

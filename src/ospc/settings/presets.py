@@ -7,10 +7,14 @@ from collections.abc import Sequence
 from dataclasses import Field, asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
 
+import numpy as np
+
 from ospc.arrays import ImageSize
 from ospc.correspondence.features import EXTRACTORS
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.errors import SettingError, known_names, named
+from ospc.settings.response import MOST_RESPONSE_INTERVALS
+from ospc.settings.vignette import MOST_RADIAL_TERMS
 
 if TYPE_CHECKING:
     from ospc.correspondence.preprocessing import Preprocessor
@@ -50,15 +54,29 @@ class Settings(Protocol):
         """Return the dataclass of the method's state; None if its runs cannot be saved and continued."""
 
 
+_LIMITS = {
+    "response_intervals": (2, MOST_RESPONSE_INTERVALS),
+    "series_intervals": (2, MOST_RESPONSE_INTERVALS),
+    "radial_terms": (1, MOST_RADIAL_TERMS),
+}
+"""Smallest and largest value of settings for which these are not 0 and infinity."""
+
+
 def _check_values(settings: Settings) -> None:
-    """Check types, and that every number is positive: all are sizes, counts, thresholds or ratios."""
+    """Check types and limits; every number is a size, count, threshold or ratio, and positive."""
     for entry in fields(settings):
         value, kind = getattr(settings, entry.name), type(entry.default)
+        if isinstance(value, np.generic):
+            value = value.item()
+            object.__setattr__(settings, entry.name, value)
         accepted = int | float if kind is float else kind
         if kind in (int, float, str) and (isinstance(value, bool) or not isinstance(value, accepted)):
             raise SettingError(f"setting {entry.name} takes a value of type {kind.__name__}, not {str(value)[:40]!r}")
         if isinstance(value, int | float) and not 0 < value <= sys.maxsize:
             raise SettingError(f"setting {entry.name} takes a positive number, not {str(value)[:40]}")
+        least, most = _LIMITS.get(entry.name, (0, sys.maxsize))
+        if isinstance(value, int | float) and not least <= value <= most:
+            raise SettingError(f"setting {entry.name} is {value}; give a number from {least} to {most}")
 
 
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

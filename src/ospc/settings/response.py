@@ -63,6 +63,8 @@ lower in the first rounds, when the errors of a fit without knees hide them; lat
 rounds, a knee at 0.8 by a factor of 5 was never found, although it gains 58 once the fit has it."""
 MAX_KNEES = 4
 """Maximum number of knees. Cameras have up to three."""
+MOST_RESPONSE_INTERVALS = 256
+"""Most intervals between the knots: as many as 8-bit grey levels, and four times those of any preset."""
 START_WALK = 1.0
 START_DRIFT = 1.0
 """Hyperparameters until they are first selected, in the first round."""

@@ -54,6 +54,8 @@ MAX_ASYMMETRY = 0.005
 vignette's centre is. It was at most 0.0035 with hand-held cameras and forward motion, and 0.007 to 0.027 with cameras
 that only panned or moved sideways. If it counted in all recordings, 84 instead of 71 per cent of the profile would be
 within one standard deviation."""
+MOST_RADIAL_TERMS = 32
+"""Most coefficients of a vignette: twice those of any preset."""
 PROMISING_SHARE = 0.25
 """Further parameters are fitted only if one Newton step, which takes a third of the time, reaches this share of the
 criterion. Near the criterion, the step reached 0.5 to 0.7 of the value of the full fit."""

@@ -137,7 +137,7 @@ def from_bytes(data: bytes, name: str) -> Container:
 
 def state_in(path: str | Path) -> Path:
     """Return the path of a state, given as the file or as its output folder."""
-    place = Path(path)
+    place = path_of(path, FormatError, "a state")
     return place / STATE_NAME if place.is_dir() else place
 
 

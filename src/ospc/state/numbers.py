@@ -18,8 +18,6 @@ LARGEST = 1e12
 """Largest magnitude of any other number: no measurement comes close, and its square is finite."""
 LOG = 50.0
 """Largest magnitude of the logarithm of an exposure in milliseconds or of a ratio."""
-MOST_INTERVALS, MOST_RADIAL = 256, 32
-"""Most terms of response and of vignette: eight and three times those of any preset."""
 CHANGES, BINS = len(CHANGE_GREY_KNOTS) + 5, len(GREY_BIN_EDGES) - 1
 """Number of parameters of a camera change, and of grey bins of a brightness change."""
 
