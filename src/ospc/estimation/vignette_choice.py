@@ -40,15 +40,38 @@ def fit_with_chosen_vignette(
     the vignette; None for none. ``start`` is an earlier fit with the same response basis, if there is one.
     """
     effects = Effects() if effects is None else effects
-    widest = replace(plan.widest, reach=VIGNETTE_REACH)
-    simplest = replace(widest, free_centre=False, non_radial=False)
+    simplest, *_ = _models(plan)
     # A subset of the points already gives most of the solution; only the last rounds need all of them.
     step = len(observations.starts) // FIRST_FIT_POINTS
     if start is None and step > 1:
         start = plan.fit(observations.of_points(slice(None, None, step)), simplest, effects)
-    fitted = Fitted(plan.fit(observations, simplest, effects, start), observations, plan.noise)
-    candidates = dict.fromkeys((replace(simplest, free_centre=True), widest))
-    richer = [basis for basis in candidates if len(simplest) < len(basis) <= len(widest)]
+    return _extended(Fitted(plan.fit(observations, simplest, effects, start), observations, plan.noise), plan)
+
+
+def with_vignette_chosen_again(fitted: Fitted, plan: FitPlan) -> Fitted:
+    """Return a fit with the vignette that its observations support, now that it has other effects.
+
+    Parameters of the vignette that have lost their support go, and others may have gained it.
+    """
+    fit = fitted.fit
+    fewer = (len(basis) for basis in _models(plan) if len(basis) < len(fit.vignette_basis))
+    if all(supported(fit, len(fit.vignette_basis) - terms) for terms in fewer):
+        return _extended(fitted, plan)
+    return fit_with_chosen_vignette(fitted.observations, plan, fit.effects)
+
+
+def _models(plan: FitPlan) -> tuple[VignetteBasis, ...]:
+    """Return the models of the vignette, the simplest first."""
+    widest = replace(plan.widest, reach=VIGNETTE_REACH)
+    simplest = replace(widest, free_centre=False, non_radial=False)
+    models = dict.fromkeys((simplest, replace(simplest, free_centre=True), widest))
+    return tuple(basis for basis in models if len(basis) <= len(widest))
+
+
+def _extended(fitted: Fitted, plan: FitPlan) -> Fitted:
+    """Return a fit with all further parameters of the vignette that the observations support."""
+    observations, effects, present = fitted.observations, fitted.fit.effects, fitted.fit.vignette_basis
+    richer = [replace(basis, reach=present.reach) for basis in _models(plan) if len(basis) > len(present)]
     while richer and (promising := _first_promising(fitted, richer)):
         richer = richer[richer.index(promising) + 1 :]
         wider = plan.fit(observations, promising, effects, fitted.fit)
