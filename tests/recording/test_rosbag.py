@@ -332,6 +332,20 @@ def test_exposures_may_be_in_a_list_next_to_the_bag(write: Any, late_ns: int, tm
         open_recording(path)
 
 
+@pytest.mark.parametrize("days", [1, 60, 100, 20_000])  # since the computer was started, or since 1970
+def test_time_stamps_of_a_list_are_equal_however_long_the_clock_runs(days: int, tmp_path: Path) -> None:
+    stamps_ns = [days * 86400 * 10**9 + i * STEP_NS + i * i % 1009 for i in range(40)]
+    sent = [
+        Sent("/cam/image_raw", "sensor_msgs/msg/Image", image_message(FRAMES[i % 4], stamp), stamp)
+        for i, stamp in enumerate(stamps_ns)
+    ]
+    lines = [f"{stamp},{1 + i}" for i, stamp in enumerate(stamps_ns) if i != 7]
+    (tmp_path / "made.csv").write_text("\n".join(["timestamp_ns,exposure_ms", *lines, ""]))
+    recording = open_recording(write_bag1(tmp_path / "made", sent))
+    assert recording.exposures_ms == pytest.approx([1 + i for i in range(40) if i != 7])
+    assert any("1 of 40 images left out, because no exposure has the same time" in note for note in recording.notes)
+
+
 def test_a_list_of_a_bag_in_an_unknown_encoding_is_named(tmp_path: Path) -> None:
     path = write_bag1(tmp_path / "made", images(FRAMES))
     (tmp_path / "made.csv").write_bytes("timestamp_ns,exposure_us\n1,2\n".encode("utf-16-le"))
