@@ -70,6 +70,11 @@ def test_lensfun_names_what_the_entry_holds_for(tmp_path):
     assert [element.get(name) for name in ("focal", "aperture", "distance")] == ["4", "2", "1000"]
 
 
+def test_lensfun_wants_the_long_side_of_a_portrait_image_first(tmp_path):
+    write_lensfun(PolynomialVignette((72, 96), (-0.3, 0, 0)), tmp_path / "a.xml", OPTICS)
+    assert ElementTree.parse(tmp_path / "a.xml").findtext("lens/aspect-ratio") == "4:3"
+
+
 def test_a_database_with_many_lenses_is_read(tmp_path):
     (tmp_path / "db.xml").write_text(
         '<!DOCTYPE lensdatabase SYSTEM "lensfun-database.dtd">\n'
