@@ -322,6 +322,10 @@ def test_an_image_list_is_in_seconds_and_checked_against_its_inverse() -> None:
         parse_image_list("a.png 2 2\n", "image_list.txt")
 
 
+def test_an_image_list_may_have_an_unknown_aperture() -> None:
+    assert parse_image_list("a.png 2 0.5 nan 0\nb.png 1 1 nan 0\n", "image_list.txt").ids == ("a.png", "b.png")
+
+
 def test_an_image_list_with_changing_aperture_is_refused() -> None:
     with pytest.raises(ExposureError, match="line 2: f-stop, gain or filter differ"):
         parse_image_list("a.png 1 1 8 0 0\nb.png 0.5 2 11 0 0\n", "image_list.txt")

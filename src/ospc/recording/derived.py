@@ -121,6 +121,8 @@ def with_sensor_depth(recording: Recording, max_grey: int | None) -> Recording:
     """
     if max_grey is None:
         return recording
+    if isinstance(recording, DerivedRecording) and recording.max_grey != recording.inner.max_grey:
+        recording = recording.inner  # before it was made deeper
     if isinstance(recording, DerivedRecording):
         inner = with_sensor_depth(recording.inner, max_grey)
         notes = (*inner.notes, *recording.notes[len(recording.inner.notes) :])

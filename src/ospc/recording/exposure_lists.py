@@ -118,7 +118,7 @@ def parse_image_list(text: str, source: str) -> FrameTable:
                 f"{place}: the exposure {exposure_s:g} s contradicts its inverse {others[0]:g}; {_IMAGE_LIST_LINE}"
             )
         settings = others[1:] if settings is None else settings
-        if others[1:] != settings:
+        if not np.array_equal(others[1:], settings, equal_nan=True):
             raise ExposureError(
                 f"{place}: f-stop, gain or filter differ from the first image; keep only images that differ in "
                 f"exposure time, or list exposures in a CSV file 'file,exposure_s'"
