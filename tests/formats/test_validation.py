@@ -126,6 +126,13 @@ def test_tables_that_are_taken_but_not_as_meant(tmp_path, text, complaint):
     assert any(severity == "warning" and complaint in rule for severity, rule in found(place))
 
 
+def test_a_finding_states_the_file_apart_from_the_rule(tmp_path):
+    place = tmp_path / "line\nbreak"
+    place.mkdir()
+    (place / "vignette.png").write_text("no image")
+    assert validate([place / "vignette.png"], "dso").findings[0].rule.startswith("not a PNG")
+
+
 def test_a_table_too_short_for_converted_images_is_noticed(tmp_path):
     place = tmp_path / "pcalib_16bit.txt"
     for count, noticed in ((4096, True), (65536, False)):

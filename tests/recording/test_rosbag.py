@@ -32,8 +32,9 @@ from bag_samples import (
 from image_samples import encoded, grey
 from test_bayer import mosaic, smooth
 
-from ospc.errors import ExposureError, FrameError, RecordingError
+from ospc.errors import ExposureError, FrameError, RecordingError, escaped
 from ospc.recording import open_recording
+from ospc.recording.bags.mcap_file import McapFile
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.options import ReadingOptions
@@ -108,7 +109,7 @@ def test_a_channel_of_colour(channel: Channel, encoding: str, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("channel", [None, *Channel])
-def test_a_bayer_mosaic_gives_the_pixels_of_one_colour(channel: Channel | None, tmp_path: Path) -> None:
+def test_a_bayer_mosaic_gives_the_pixels_of_one_colour_or_all(channel: Channel | None, tmp_path: Path) -> None:
     scene = mosaic(smooth(0, np.uint8), "g..g")
     path = write_bag2(tmp_path / "made", images([scene], encoding="bayer_grbg8") + floats([2.0]))
     recording = open_recording(path, options=ReadingOptions(channel=channel))
@@ -116,7 +117,9 @@ def test_a_bayer_mosaic_gives_the_pixels_of_one_colour(channel: Channel | None, 
     red, blue = scene[::2, 1::2].astype(int), scene[1::2, ::2].astype(int)
     green = np.rint((scene[::2, ::2].astype(int) + scene[1::2, 1::2]) / 2)
     luma = 0.299 * red + 0.587 * green + 0.114 * blue
-    expected = {Channel.RED: red, Channel.BLUE: blue, Channel.LUMINANCE: luma}.get(channel, green)  # type: ignore[call-overload]
+    colour = np.dstack([blue, green, red])
+    other = {Channel.RED: red, Channel.BLUE: blue, Channel.LUMINANCE: luma, Channel.ALL: colour}
+    expected = other.get(channel or Channel.GREEN, green)
     np.testing.assert_allclose(image, expected, atol=0 if channel is not Channel.LUMINANCE else 0.51)
 
 
@@ -467,6 +470,20 @@ def test_what_is_missing_is_one_error(case: str, write: Any, tmp_path: Path) -> 
     sent, words = BROKEN[case]
     with pytest.raises(RecordingError, match=words):
         open_recording(write(tmp_path / "made", sent))
+
+
+@pytest.mark.parametrize("name", ["the", "a\a"])  # the beginning of a message, and a name that messages escape
+@pytest.mark.parametrize("damage", [None, b"\x89MCAP0\r\n"])
+def test_errors_name_the_file_once(
+    name: str, damage: bytes | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if damage is not None:
+        Path(name).write_bytes(damage)
+    with pytest.raises(RecordingError) as caught:
+        McapFile(Path(name))
+    assert str(caught.value).startswith(f"{escaped(name)}: ")
+    assert str(caught.value).count(escaped(name) + ":") == 1
 
 
 @pytest.mark.parametrize("writer", WRITERS)
