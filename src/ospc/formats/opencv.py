@@ -38,7 +38,7 @@ _MATRIX = re.compile(
 )
 
 
-def write_opencv(path: str | Path, response: Response | None = None, vignette: Vignette | None = None) -> Path:
+def write_opencv(response: Response | None, vignette: Vignette | None, path: str | Path) -> Path:
     """Write a response, a vignette or both to an OpenCV YAML file, atomically, and return its path.
 
     The matrix ``response`` is for OpenCV functions, ``inverse_response`` is the exact table, and ``vignette`` has the
