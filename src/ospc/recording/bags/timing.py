@@ -121,13 +121,12 @@ def _nearest(wanted: IntArray, offered: IntArray) -> tuple[IntArray, float]:
     return found.astype(np.int64), tolerance_ns
 
 
-def increasing(times: Times, messages: IntArray, path: str) -> tuple[IntArray, IntArray, list[str]]:
-    """Return the messages in temporal order, their time stamps in nanoseconds, and notes about those left out."""
+def without_steps_back(times: Times, messages: IntArray, path: str) -> tuple[IntArray, IntArray, list[str]]:
+    """Return the messages later than all before them, their time stamps in nanoseconds, and notes on the others."""
     stamps_ns, notes = times.stamp_ns[messages], []
     if np.any(stamps_ns <= 0):
         stamps_ns = times.log_ns[messages]
         notes.append(f"{path}: some images have no time stamp; using the times at which they were recorded")
-    # An image is kept if it is later than all images before it.
     latest = np.maximum.accumulate(stamps_ns)
     later = np.append(True, stamps_ns[1:] > latest[:-1])[: len(messages)]
     if not later.all():
