@@ -205,8 +205,8 @@ def test_hugin_links_between_images_are_followed(tmp_path):
     ("text", "reason"),
     [
         ("", "no image line"),
-        ("i w0 h72 Vb0\n", "0x72 is no"),
-        ("i w999999 h720 Vb0\n", "999999x720 is no"),
+        ("i w0 h72 Vb0\n", "0×72 is no"),
+        ("i w999999 h720 Vb0\n", "999999×720 is no"),
         ("i w9999999999999999999999 h72 Vb0\n", "image size"),
         ("i w96 h72 Vb=7\n", "Vb"),
         ("i w96 h72 Vb1e\n", "Vb"),

@@ -173,7 +173,7 @@ def test_a_camera_of_another_size_is_left_out_and_reported(folder: Path, tmp_pat
 def test_files_that_dso_rejects_are_reported(folder: Path, tmp_path: Path) -> None:
     (folder / "camera.txt").write_text("Pinhole 100 100 85 64 0\n170 128\ncrop\n170 127\n")
     made = convert_recording(open_recording(folder), tmp_path / "out")
-    assert any(note.startswith("camera.txt: ") and "170x127" in note for note in made.notes)
+    assert any(note.startswith("camera.txt: ") and "170×127" in note for note in made.notes)
 
 
 class _Spoiled:

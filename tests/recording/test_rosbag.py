@@ -443,7 +443,7 @@ def test_a_damaged_image_is_one_unreadable_frame(tmp_path: Path) -> None:
     sent[1].content["height"] = 1000
     sent[2].content["encoding"] = "32FC1"
     made = list(open_recording(write_bag1(tmp_path / "made", sent + floats(MS))))
-    for index, words in ((1, "are not 24x1000 pixels"), (2, "encoding '32FC1' are not supported")):
+    for index, words in ((1, "are not 24×1000 pixels"), (2, "encoding '32FC1' are not supported")):
         with pytest.raises(FrameError, match=words):
             _ = made[index].image
     np.testing.assert_array_equal(made[3].image, FRAMES[3])

@@ -86,7 +86,7 @@ def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_gr
         raise SettingError(f"{photometry.name}: does not state the image size; add the vignette, or --size")
     if size not in (None, known):
         raise SettingError(
-            f"{photometry.name}: is for images of {known[0]}x{known[1]} pixels; leave out --size, then scale the "
+            f"{photometry.name}: is for images of {known[0]}×{known[1]} pixels; leave out --size, then scale the "
             f"result with 'ospc export --size'"
         )
     if photometry.calibration is not None:

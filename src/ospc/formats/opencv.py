@@ -98,7 +98,7 @@ def _matrices(path: str | Path) -> dict[str, FloatArray]:
         except ValueError:
             raise FormatError(f"{path}: the values of the matrix '{name}' are not numbers") from None
         if not 0 < count <= MOST_PIXELS or values.size != count or not np.all(np.abs(values) < _LARGEST_VALUE):
-            raise FormatError(f"{path}: the matrix '{name}' is not {shape[0]}x{shape[1]} finite values")
+            raise FormatError(f"{path}: the matrix '{name}' is not {shape[0]}×{shape[1]} finite values")
         found[name] = values.reshape(shape)
     return found
 

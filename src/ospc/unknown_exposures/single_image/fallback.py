@@ -46,8 +46,8 @@ def calibrate_single_images(recording: Recording) -> Calibration:
     size = recording.size
     if min(size) < MIN_SINGLE_IMAGE_SIDE_PX:
         raise FrameError(
-            f"an image of {size[0]}x{size[1]} pixels is too small; give one of at least "
-            f"{MIN_SINGLE_IMAGE_SIDE_PX}x{MIN_SINGLE_IMAGE_SIDE_PX} pixels"
+            f"an image of {size[0]}×{size[1]} pixels is too small; give one of at least "
+            f"{MIN_SINGLE_IMAGE_SIDE_PX}×{MIN_SINGLE_IMAGE_SIDE_PX} pixels"
         )
     wanted = set(np.linspace(0, len(recording) - 1, MAX_SINGLE_IMAGES).astype(int).tolist())
     images = [frame.image_8_bit for frame in usable_frames(f for f in recording if f.index in wanted)]
