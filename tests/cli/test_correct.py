@@ -233,7 +233,7 @@ def test_another_size_is_refused_before_anything_is_written(made, calibration, t
     other = simulate(tmp_path / "other", replace(SETTINGS, size=(32, 24), frames=1))
     refused = run(other.path, calibration, "-o", tmp_path / "out")
     assert isinstance(refused.exception, SettingError)
-    for word in ("32x24", "64x48", "ospc export", "--size 32x24"):
+    for word in ("32×24", "64×48", "ospc export", "--size 32x24"):
         assert word in str(refused.exception)
     assert not (tmp_path / "out").exists()
 

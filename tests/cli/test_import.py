@@ -63,7 +63,7 @@ def test_a_single_part_stays_a_single_part(files, tmp_path):
 
 
 def test_the_response_of_a_pto_is_said_not_to_be_read_instead_of_missing(files, tmp_path):
-    write_pto(tmp_path / "x.pto", PolynomialVignette(SIZE, (-0.3, 0.0, 0.0)))
+    write_pto(PolynomialVignette(SIZE, (-0.3, 0.0, 0.0)), tmp_path / "x.pto")
     result = run("import", tmp_path / "x.pto", "-o", tmp_path / "x.json")
     assert "response: the response in a .pto is not read, because" in result.stdout
     assert "import it from a pcalib.txt" in result.stdout
@@ -125,7 +125,7 @@ def test_invalid_combinations_are_refused(files, tmp_path):
         ((pcalib,), SettingError, "image size"),
         ((pcalib, pcalib), FormatError, "must have only a response"),
         ((tmp_path, vignette), FormatError, "must have only a response"),
-        ((pcalib, vignette, "--size", "32x24"), SettingError, "64x48"),
+        ((pcalib, vignette, "--size", "32x24"), SettingError, "64×48"),
         ((pcalib, "--size", "999999x999999"), FormatError, "at most"),
         ((tmp_path / "no.txt",), FormatError, "No such file"),
     ]

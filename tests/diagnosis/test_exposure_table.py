@@ -45,7 +45,7 @@ def test_a_long_course_is_summed_up_like_a_short_one(wrong_share: float) -> None
 def test_frames_without_end_take_eight_bytes_each() -> None:
     made = table(np.array([1.0, 2.0, 5.0])[np.arange(MANY) % 3])
     tracemalloc.start()
-    ExposureReport.of(filled(made.written))
+    ExposureReport.of(filled(made.log_recorded))
     peak_bytes = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak_bytes < 4 * MANY

@@ -425,7 +425,7 @@ def test_a_verdict_that_warns_is_the_warning_whatever_a_fit_settles_besides() ->
         assert not told.notes
 
 
-@pytest.mark.parametrize(("choice", "said"), [("auto", "fit shows"), (0, "as stated"), ("estimated", "estimated")])
+@pytest.mark.parametrize(("choice", "said"), [("auto", "fit shows"), (0, "are taken"), ("estimated", "estimated")])
 def test_what_is_stated_needs_no_fit_to_settle_it(choice: LagChoice, said: str) -> None:
     told = fitted(found(RISING, choice), EffectEstimate(LATE_EXPOSURES, 0.02, 0.01))
     assert said in told.verdict.reason
@@ -447,13 +447,13 @@ def test_an_uncertain_lag_is_a_note_not_a_warning() -> None:
 def test_a_stated_lag_settles_an_uncertain_one() -> None:
     stated = found(RISING, 0)
     assert (stated.verdict.state, stated.notes, stated.warnings) == ("identifiable", (), ())
-    assert "as stated" in stated.verdict.reason
+    assert "exposures are taken to belong to their frames; the images do not" in stated.verdict.reason
     assert "stale" in found(STALE, 0).warnings[0]
 
 
 def test_a_stated_lag_that_nothing_could_be_compared_with_is_not_said_to_be_confirmed() -> None:
     told = findings_from(evidence_of_images([], wandering(3), 0))
-    assert told.verdict.reason.endswith("as stated; the images are too few or too different to check it")
+    assert told.verdict.reason.endswith("to their frames; the images are too few or too different to check it")
 
 
 def test_photographs_have_no_exposure_lag(monkeypatch: pytest.MonkeyPatch) -> None:

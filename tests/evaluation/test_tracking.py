@@ -163,7 +163,7 @@ def test_an_unknown_part_and_another_size_are_refused():
     recording = recording_of(replace(SMALL, frames=3))
     with pytest.raises(NotObservableError, match="no vignette"):
         compare_tracking(recording, Corrector(LINEAR, None))
-    with pytest.raises(SettingError, match=r"240x180.*64x48"):
+    with pytest.raises(SettingError, match=r"240×180.*64×48"):
         compare_tracking(recording, Corrector(LINEAR, PolynomialVignette((64, 48), (-0.3, 0.0, 0.0))))
 
 

@@ -200,7 +200,7 @@ def test_picture_of_absurd_size_is_refused_before_it_is_decoded(tmp_path):
     header = chunk(b"IHDR", struct.pack(">IIBBBBB", 2**20, 2**20, 16, 0, 0, 0, 0))
     place = tmp_path / "vignette.png"
     place.write_bytes(b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", b"") + chunk(b"IEND", b""))
-    with pytest.raises(FormatError, match="1048576x1048576"):
+    with pytest.raises(FormatError, match="1048576×1048576"):
         read_vignette(place)
 
 

@@ -17,15 +17,15 @@ VIGNETTE = log_polynomial(SIZE, (-0.3, -0.1), (0.1, 0.0), (0.03, -0.02, 0.05, 0.
 
 
 def test_round_trip(tmp_path):
-    response, vignette = read_opencv(write_opencv(tmp_path / "camera.yml", RESPONSE, VIGNETTE))
+    response, vignette = read_opencv(write_opencv(RESPONSE, VIGNETTE, tmp_path / "camera.yml"))
     np.testing.assert_allclose(response.inverse_table, RESPONSE.inverse_table, atol=1e-12)
     np.testing.assert_allclose(vignette.image(), VIGNETTE.image() / VIGNETTE.image().max(), atol=1e-6)
-    assert read_opencv(write_opencv(tmp_path / "response.yml", RESPONSE))[1] is None
-    assert read_opencv(write_opencv(tmp_path / "vignette.yml", None, VIGNETTE))[0] is None
+    assert read_opencv(write_opencv(RESPONSE, None, tmp_path / "response.yml"))[1] is None
+    assert read_opencv(write_opencv(None, VIGNETTE, tmp_path / "vignette.yml"))[0] is None
 
 
 def test_opencv_merges_exposures_with_it(tmp_path):
-    write_opencv(tmp_path / "camera.yml", RESPONSE)
+    write_opencv(RESPONSE, None, tmp_path / "camera.yml")
     storage = cv2.FileStorage(str(tmp_path / "camera.yml"), cv2.FILE_STORAGE_READ)
     table = storage.getNode("response").mat()
     storage.release()

@@ -34,7 +34,7 @@ def test_every_format_keeps_the_coefficients(tmp_path_factory, coefficients):
     vignette = PolynomialVignette(SIZE, coefficients)
     write_lensfun(vignette, folder / "a.xml", OPTICS)
     write_lcp(vignette, folder / "a.lcp", OPTICS)
-    write_pto(folder / "a.pto", vignette)
+    write_pto(vignette, folder / "a.pto")
     for back in (
         read_lensfun(folder / "a.xml", SIZE)[0].vignette(),
         read_lcp(folder / "a.lcp")[0].vignette(),
@@ -70,6 +70,11 @@ def test_lensfun_names_what_the_entry_holds_for(tmp_path):
     assert [element.get(name) for name in ("focal", "aperture", "distance")] == ["4", "2", "1000"]
 
 
+def test_lensfun_wants_the_long_side_of_a_portrait_image_first(tmp_path):
+    write_lensfun(PolynomialVignette((72, 96), (-0.3, 0, 0)), tmp_path / "a.xml", OPTICS)
+    assert ElementTree.parse(tmp_path / "a.xml").findtext("lens/aspect-ratio") == "4:3"
+
+
 def test_a_database_with_many_lenses_is_read(tmp_path):
     (tmp_path / "db.xml").write_text(
         '<!DOCTYPE lensdatabase SYSTEM "lensfun-database.dtd">\n'
@@ -98,7 +103,7 @@ def test_adobe_and_hugin_keep_a_centre_of_its_own(tmp_path):
     fit = write_lcp(DECENTRED, tmp_path / "a.lcp", OPTICS)
     assert fit.centre == DECENTRED.centre
     assert read_lcp(tmp_path / "a.lcp")[0].centre == pytest.approx(DECENTRED.centre)
-    write_pto(tmp_path / "a.pto", DECENTRED)
+    write_pto(DECENTRED, tmp_path / "a.pto")
     hugin = read_pto(tmp_path / "a.pto")[0]
     assert hugin.centre == pytest.approx(DECENTRED.centre)
     expected = DECENTRED.image() / DECENTRED.image().max()
@@ -110,7 +115,7 @@ def test_hugin_computes_the_same_vignette(tmp_path):
     """ResponseTransform::calcVigFactor of hugin, whose radius is 1 at half the hypotenuse of width and height."""
     width, height = SIZE
     vignette = PolynomialVignette(SIZE, POLYNOMIAL.coefficients, DECENTRED.centre)
-    write_pto(tmp_path / "a.pto", vignette)
+    write_pto(vignette, tmp_path / "a.pto")
     text = (tmp_path / "a.pto").read_text()
     b, c, d, shift_x, shift_y = (float(re.search(rf" V{key}(\S+)", text)[1]) for key in "bcdxy")
     x, y = np.meshgrid(np.arange(width) - (width - 1) / 2 - shift_x, np.arange(height) - (height - 1) / 2 - shift_y)
@@ -122,7 +127,7 @@ def test_hugin_computes_the_same_vignette(tmp_path):
 @pytest.mark.parametrize("name", ["a.pto", "a.lcp"])
 def test_an_imported_centre_is_exported_again(name, tmp_path):
     def write(vignette, path):
-        return write_pto(path, vignette) if path.suffix == ".pto" else write_lcp(vignette, path, OPTICS)
+        return write_pto(vignette, path) if path.suffix == ".pto" else write_lcp(vignette, path, OPTICS)
 
     def read(path):
         return (read_pto if path.suffix == ".pto" else read_lcp)(path)[0]
@@ -189,7 +194,7 @@ def test_absurd_numbers_in_a_profile_are_ignored_or_refused_by_name(tmp_path, na
 
 
 def test_hugin_links_between_images_are_followed(tmp_path):
-    write_pto(tmp_path / "a.pto", POLYNOMIAL)
+    write_pto(POLYNOMIAL, tmp_path / "a.pto")
     linked = 'i w96 h72 f0 v=0 Ra=0 Rb=0 Rc=0 Rd=0 Re=0 Eev1.5 Va=0 Vb=0 Vc=0 Vd=0 Vx=0 Vy=0 Vm5 n"Vb9.jpg"\n'
     (tmp_path / "a.pto").write_text((tmp_path / "a.pto").read_text() + linked)
     first, second = read_pto(tmp_path / "a.pto")
@@ -200,8 +205,8 @@ def test_hugin_links_between_images_are_followed(tmp_path):
     ("text", "reason"),
     [
         ("", "no image line"),
-        ("i w0 h72 Vb0\n", "0x72 is no"),
-        ("i w999999 h720 Vb0\n", "999999x720 is no"),
+        ("i w0 h72 Vb0\n", "0×72 is no"),
+        ("i w999999 h720 Vb0\n", "999999×720 is no"),
         ("i w9999999999999999999999 h72 Vb0\n", "image size"),
         ("i w96 h72 Vb=7\n", "Vb"),
         ("i w96 h72 Vb1e\n", "Vb"),

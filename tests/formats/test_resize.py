@@ -119,7 +119,7 @@ def test_impossible_changes_are_refused():
         (lambda: resized(POLYNOMIAL, (96, 96)), "aspect"),
         (lambda: cropped(POLYNOMIAL, (50, 0), (50, 50)), "not inside"),
         (lambda: cropped(POLYNOMIAL, (-1, 0), (50, 50)), "not inside"),
-        (lambda: resized(POLYNOMIAL, (1, 1)), "1x1"),
+        (lambda: resized(POLYNOMIAL, (1, 1)), "1×1"),
         (lambda: resized(POLYNOMIAL, (96000, 72000)), "at most"),
         (lambda: resize_calibration(Calibration(SIZE), (96, 96)), "aspect"),
         (lambda: crop_calibration(Calibration(SIZE), (50, 0), (50, 50)), "not inside"),

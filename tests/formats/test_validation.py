@@ -126,6 +126,13 @@ def test_tables_that_are_taken_but_not_as_meant(tmp_path, text, complaint):
     assert any(severity == "warning" and complaint in rule for severity, rule in found(place))
 
 
+def test_a_finding_states_the_file_apart_from_the_rule(tmp_path):
+    place = tmp_path / "line\nbreak"
+    place.mkdir()
+    (place / "vignette.png").write_text("no image")
+    assert validate([place / "vignette.png"], "dso").findings[0].rule.startswith("not a PNG")
+
+
 def test_a_table_too_short_for_converted_images_is_noticed(tmp_path):
     place = tmp_path / "pcalib_16bit.txt"
     for count, noticed in ((4096, True), (65536, False)):
@@ -156,7 +163,7 @@ def test_black_level_is_noted(tmp_path):
 
 
 def test_vignette_of_another_size_is_refused(folder):
-    assert "640x480" in errors(folder / "vignette.png", size=(752, 480))
+    assert "640×480" in errors(folder / "vignette.png", size=(752, 480))
     assert found(folder / "vignette.png", size=(640, 480)) == []
     assert [s for s, _ in found(folder / "vignette.png")] == ["note"]
 
@@ -301,7 +308,7 @@ def test_images_in_an_archive_are_counted(folder):
         (CAMERA.replace("\n", "\r\n"), "dso", "'crop\\r'"),
         ("FOV " + CAMERA, "mono", "without a name"),
         (CAMERA.replace("crop", "full"), "dso", "not 'full'"),
-        (CAMERA.replace("crop", "none").replace("640 480\n", "320 240\n", 1), "dso", "320x240 becomes 640x480"),
+        (CAMERA.replace("crop", "none").replace("640 480\n", "320 240\n", 1), "dso", "320×240 becomes 640×480"),
         ("0.5 0.6 0.5 0.5 0.9\n640 480\n", "dso", "line 3"),
         ("0.5 0.6 0.5 0.5 0.9\n640 480\ncrop\n", "mono", "line 4"),
         ("0.5 0.6 0.5 0.5\n640 480\ncrop\n640 480\n", "dso", "line 1"),
@@ -309,7 +316,7 @@ def test_images_in_an_archive_are_counted(folder):
         ("400 400 0.5 0.5 0.9\n640 480\ncrop\n640 480\n", "dso", "same unit"),
         ("400 400 320 240 0.9\n640 480\ncrop\n640 480\n", "mono", "relative to the image size"),
         ("0.5 0.6 0.5 0.5 50\n640 480\ncrop\n640 480\n", "dso", "radians"),
-        (CAMERA.replace("crop\n640 480", "crop\n642 482"), "dso", "642x482 ends at 321x241 after 1"),
+        (CAMERA.replace("crop\n640 480", "crop\n642 482"), "dso", "642×482 ends at 321×241 after 1"),
     ],
 )
 def test_cameras_that_are_refused_or_misread(tmp_path, text, program, complaint):
@@ -337,7 +344,7 @@ def test_cameras_that_are_accepted(tmp_path, text, program):
 
 
 def test_camera_for_another_size_is_refused(folder):
-    assert "320x240" in errors(folder / "camera.txt", size=(320, 240))
+    assert "320×240" in errors(folder / "camera.txt", size=(320, 240))
 
 
 def test_kinds_are_recognised_by_content_if_the_name_does_not_tell(folder):
@@ -373,12 +380,12 @@ def test_vignette_without_response_is_noted(folder):
         ("tum_vi_pcalib_65536.txt", "dso", [("warning", "65536 values"), ("note", "from 0 to 65535")]),
         ("tum_vi_pcalib_65536.txt", "mono", [("error", "exactly 256 values"), ("note", "from 0 to 65535")]),
         ("shuttum_gamma_cam1.txt", "mono", [("note", "from 0.382902 to 255")]),
-        ("denguetim_vignette.png", "dso", [("note", "752x480")]),
-        ("shuttum_vignette_1280x1024.png", "dso", [("note", "1280x1024")]),
+        ("denguetim_vignette.png", "dso", [("note", "752×480")]),
+        ("shuttum_vignette_1280x1024.png", "dso", [("note", "1280×1024")]),
         (
             "tum_vi_vignette_fisheye_512.png",
             "dso",
-            [("note", "512x512"), ("warning", "16891 pixels of 0 in a surround"), ("warning", "209 pixels")],
+            [("note", "512×512"), ("warning", "16891 pixels of 0 in a surround"), ("warning", "209 pixels")],
         ),
         ("tum_vi_times.txt", "dso", [("warning", "32-bit integers"), ("note", "5990 lines")]),
         ("camera_narrow.txt", "dso", [("error", "line 3")]),
@@ -393,4 +400,4 @@ def test_real_files_are_diagnosed(real_data, name, program, expected):
 
 
 def test_real_vignette_for_other_images_is_refused(real_data):
-    assert "752x480" in errors(real_data / "params" / "denguetim_vignette.png", size=(640, 480))
+    assert "752×480" in errors(real_data / "params" / "denguetim_vignette.png", size=(640, 480))

@@ -206,7 +206,7 @@ def test_with_another_lens_the_response_stays_known(changed):
     unknown = Verdict("not identifiable", "no exposure changes")
     verdicts = {"response": unknown, "vignette": unknown}
     fitless = replace(found, response=None, vignette=None, verdicts=verdicts, warnings=())
-    before = response_before_change([first], changed._run.exposures.table.written)
+    before = response_before_change([first], changed._run.exposures.table.log_recorded)
     continued = before.continued(fitless, None)
     assert continued.verdicts["response"].state == "marginal"
     assert "but the new frames do not check it (no exposure changes)" in continued.verdicts["response"].reason

@@ -429,7 +429,7 @@ def test_another_size_is_refused_with_the_remedy_for_what_may_have_happened_to_t
     size: tuple[int, int], remedy: str
 ):
     corrector = Corrector(LINEAR, PolynomialVignette((64, 48), (-0.3,)))
-    with pytest.raises(SettingError, match=f"the calibration is for 64x48; {remedy}"):
+    with pytest.raises(SettingError, match=f"the calibration is for 64×48; {remedy}"):
         corrector.correct(np.zeros(size[::-1], np.uint8))
 
 

@@ -204,10 +204,10 @@ def file_targets(folder: Path) -> dict[str, tuple[Parse, list[bytes], list[bytes
     Calibration(SIZE, calibration.response, raster).save(folder / "raster.json")
     write_pcalib(calibration.response, folder / "pcalib.txt")
     write_vignette(vignette, folder / "vignette.png")
-    write_pto(folder / "a.pto", vignette)
+    write_pto(vignette, folder / "a.pto")
     write_lcp(vignette, folder / "a.lcp", OPTICS)
     write_lensfun(vignette, folder / "a.xml", OPTICS)
-    write_opencv(folder / "a.yml", calibration.response, raster)
+    write_opencv(calibration.response, raster, folder / "a.yml")
     (folder / "state.ospc").write_bytes((folder / "a.ospc").read_bytes())
     result = {"key": RESULT_KEY, "calibration": calibration.as_dict(), "summary": None, "notes": []}
     assert Result.__dataclass_fields__.keys() == result.keys()

@@ -47,7 +47,7 @@ from ospc.recording.bags.image_messages import read_image
 from ospc.recording.bags.messages import MessageType
 from ospc.recording.derived import Region
 from ospc.recording.exif_photos import _photo
-from ospc.recording.exposure_lists import parse_columns, parse_image_list, parse_times
+from ospc.recording.exposure_lists import read_list, read_times
 from ospc.recording.image_source import ZipImages, decode_stored
 from ospc.recording.options import DEFAULT
 from ospc.recording.video import VideoStream
@@ -111,8 +111,12 @@ def _checked_table(table: Any) -> None:
     assert np.all(np.diff(table.stamps_s) > 0)
 
 
-def _text(parse: Callable[[str, str], Any]) -> Callable[[bytes, Path], None]:
-    return lambda data, _folder: _checked_table(parse(data.decode("utf-8", "replace"), "list.txt"))
+def _list(name: str, read: Callable[[Path], Any]) -> Callable[[bytes, Path], None]:
+    def parse(data: bytes, folder: Path) -> None:
+        (folder / name).write_bytes(data)
+        _checked_table(read(folder / name))
+
+    return parse
 
 
 def _image(data: bytes, _folder: Path) -> None:
@@ -312,10 +316,14 @@ def targets(folder: Path) -> dict[str, Target]:
     description += b"\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
     return {
         "times.txt": Target(
-            _text(parse_times), [b"# a\n0 10.0 1.5\n1 10.1 3\n2 10.2 6.0\n", b"000 1e9 1\r\n001 1e10 2\r\n"], _WORDS
+            _list("times.txt", read_times),
+            [b"# a\n0 10.0 1.5\n1 10.1 3\n2 10.2 6.0\n", b"000 1e9 1\r\n001 1e10 2\r\n"],
+            _WORDS,
         ),
-        "exposures.csv": Target(_text(parse_columns), _TABLES, _WORDS),
-        "image_list.txt": Target(_text(parse_image_list), [b"a.ppm 0.5 2 8 0 0\nb.ppm 0.25 4 8 0 0\n"], _WORDS),
+        "exposures.csv": Target(_list("exposures.csv", read_list), _TABLES, _WORDS),
+        "image_list.txt": Target(
+            _list("image_list.txt", read_list), [b"a.ppm 0.5 2 8 0 0\nb.ppm 0.25 4 8 0 0\n"], _WORDS
+        ),
         "image file": Target(_image, [*pictures, png_of_size(10**6, 10**6), jpeg_of_size(65000, 65000)]),
         "images.zip": Target(_zip, [_zip_bytes()], [b"../", b"/", b"PK\x01\x02", b"PK\x05\x06"]),
         "EXIF": Target(_exif, [jpeg[:2] + exif() + jpeg[2:]]),

@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import replace
+from time import sleep
 
 import numpy as np
 import pytest
@@ -70,6 +71,16 @@ def test_frames_and_errors_are_the_same_whatever_is_foreseen(count, foreseen, re
     plain = {f.index: outcome(f) if f.index in read else None for f in Counted(count, broken=broken)}
     assert found == plain
     assert list(found) == list(plain)
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_frames_may_be_read_after_the_last(wanted):
+    def slow(call):
+        return lambda: (sleep(0.002), call())[1]
+
+    slowly = [replace(f, load=slow(f.load), verify=slow(f.verify)) for f in Counted(20)]
+    frames = list(decoded_ahead(slowly, lambda _places: wanted))
+    assert [outcome(frame) for frame in frames] == list(range(20))
 
 
 def test_wanted_images_are_decoded_once_and_by_another_thread():

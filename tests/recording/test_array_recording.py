@@ -39,6 +39,13 @@ def test_the_largest_grey_value_of_16_bit_is_found_with_a_note(top: int, max_gre
     assert ArrayRecording(images, [1, 2], max_grey=60_000).max_grey == 60_000
 
 
+def test_the_order_of_bytes_does_not_matter() -> None:
+    images = np.stack([grey(i, dtype=np.uint16, top=4000) for i in range(3)])
+    swapped = ArrayRecording(images.astype(">u2"), [1, 2, 4])
+    assert swapped.max_grey == 4095
+    np.testing.assert_array_equal([frame.image for frame in swapped], images)
+
+
 def test_left_aligned_values_stay_where_they_are() -> None:
     recording = ArrayRecording([grey(0, dtype=np.uint16, top=4096) << 4], [1])
     assert recording.max_grey == 4095 << 4

@@ -16,6 +16,7 @@ from ospc.arrays import Image
 from ospc.recording import open_recording
 from ospc.recording.channel import Channel, Mosaic, find_mosaic
 from ospc.recording.image_source import decode_grey
+from ospc.recording.options import ReadingOptions
 
 
 def smooth(seed: int, dtype: type = np.uint16) -> Image:
@@ -73,6 +74,16 @@ def test_other_kinds_only_report_a_mosaic(tum_folder: Callable[..., Path]) -> No
     recording = open_recording(tum_folder("0 1 1\n", {"0.png": data}))
     assert recording.size == (80, 60)
     assert "look like a Bayer mosaic" in recording.notes[0]
+
+
+def test_a_mosaic_in_a_png_stays_in_colour_like_that_of_a_raw_file(tum_folder: Callable[..., Path]) -> None:
+    stored = mosaic(smooth(0, np.uint8), "rggb")
+    options = ReadingOptions(channel=Channel.ALL, bayer=Mosaic("rggb"))
+    recording = open_recording(tum_folder("0 1 1\n", {"0.png": encoded(stored)}), options=options)
+    (frame,) = recording
+    assert recording.size == (40, 30)
+    np.testing.assert_array_equal(frame.image, Mosaic("rggb").of(stored, Channel.ALL))
+    assert recording.notes[0] == "images are a Bayer mosaic; the colour of each 2×2 block is used"
 
 
 def test_real_images_of_a_mosaic_and_of_its_green(real_data: Path) -> None:

@@ -173,7 +173,7 @@ def test_a_camera_of_another_size_is_left_out_and_reported(folder: Path, tmp_pat
 def test_files_that_dso_rejects_are_reported(folder: Path, tmp_path: Path) -> None:
     (folder / "camera.txt").write_text("Pinhole 100 100 85 64 0\n170 128\ncrop\n170 127\n")
     made = convert_recording(open_recording(folder), tmp_path / "out")
-    assert any(note.startswith("camera.txt: ") and "170x127" in note for note in made.notes)
+    assert any(note.startswith("camera.txt: ") and "170×127" in note for note in made.notes)
 
 
 class _Spoiled:
@@ -238,6 +238,27 @@ def test_a_full_disk_leaves_everything_unchanged(tmp_path: Path, monkeypatch: py
 
     monkeypatch.setattr(NumberedImages, "write", write_until_full)
     assert_unchanged_by(SettingError, recorded(), tmp_path)
+
+
+@pytest.mark.parametrize("late", [False, True])
+@pytest.mark.parametrize("move", range(2 + 2))
+def test_an_interruption_while_the_files_are_moved_leaves_everything_unchanged(
+    move: int, late: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    convert_recording(recorded(), tmp_path / "there", archive=True)
+    before, rename, moves = files_in(tmp_path / "there"), Path.rename, iter(range(100))
+
+    def interrupted(path: Path, target: Path) -> None:
+        now = next(moves) == move
+        if late or not now:
+            rename(path, target)
+        if now:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "rename", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        convert_recording(recorded(), tmp_path / "there", overwrite=True)
+    assert files_in(tmp_path / "there") == before
 
 
 def test_a_folder_in_use_is_only_replaced_on_request_and_other_files_stay(tmp_path: Path) -> None:

@@ -87,6 +87,10 @@ def test_images_in_memory_get_the_largest_grey_value_of_the_sensor() -> None:
     assert dark.max_grey == 255
     deep = with_sensor_depth(dark, 4095)
     assert deep.max_grey == next(iter(deep)).max_grey == 4095
+    for wrapped in (deep, masked(deep, grey(0) > 100)):
+        deeper = with_sensor_depth(wrapped, 16383)
+        assert deeper.max_grey == next(iter(deeper)).max_grey == 16383
+        assert sum("sensor" in note for note in deeper.notes) == 1
 
 
 def test_the_innermost_recording_has_the_frame(tum_folder) -> None:

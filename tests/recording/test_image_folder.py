@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from image_samples import encoded, grey
+from list_samples import table_of
 
 from ospc import calibrate
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
 from ospc.recording import Recording, open_recording
-from ospc.recording.exposure_lists import parse_columns, parse_image_list, read_list
+from ospc.recording.exposure_lists import read_list
 from ospc.recording.exposure_units import GainUnit
 from ospc.recording.options import ReadingOptions
 from ospc.simulation import SimulationSettings, simulate
@@ -127,13 +128,13 @@ def test_time_stamps_find_images_named_by_them(opened: Open) -> None:
     ("unit", "factor", "said"), [(GainUnit.DB, 10, ["'Gain' (dB)"]), (GainUnit.LINEAR, 20, ["'Gain' (linear)"])]
 )
 def test_a_stated_unit_of_gains_is_in_the_note(unit: GainUnit, factor: float, said: list[str]) -> None:
-    table = parse_columns("file,exposure_ms,Gain\na,1,20\n", "e.csv", ReadingOptions(gain_unit=unit))
+    table = table_of("file,exposure_ms,Gain\na,1,20\n", "e.csv", ReadingOptions(gain_unit=unit))
     assert table.exposures_ms == pytest.approx([factor])
     assert [note.partition("gain in ")[2] for note in table.notes] == said
 
 
 def test_ignored_gains_may_be_zero_and_are_not_in_the_notes() -> None:
-    table = parse_columns("file,exposure_ms,gain\na,1,0\n", "e.csv", ReadingOptions(gain_unit=GainUnit.NONE))
+    table = table_of("file,exposure_ms,gain\na,1,0\n", "e.csv", ReadingOptions(gain_unit=GainUnit.NONE))
     assert table.exposures_ms == pytest.approx([1])
     assert not table.notes
 
@@ -144,7 +145,7 @@ def test_stamps_of_a_clock_that_begins_at_zero_are_read_by_their_frame_rate(
     unit_s: float, name: str, fps: int
 ) -> None:
     rows = "".join(f"{i},{i / fps / unit_s:.0f},900\n" for i in range(4))
-    table = parse_columns("id,timestamp,exposure\n" + rows, "e.csv")
+    table = table_of("id,timestamp,exposure\n" + rows, "e.csv")
     np.testing.assert_allclose(table.stamps_s, np.arange(4) / fps, atol=1e-5)
     assert table.exposures_ms == pytest.approx(900 if fps == 1 else 0.9)
     assert f"e.csv: time stamps are assumed to be in {name}, inferred from the frame rate, {fps} per second" in (
@@ -154,7 +155,7 @@ def test_stamps_of_a_clock_that_begins_at_zero_are_read_by_their_frame_rate(
 
 @pytest.mark.parametrize(("column", "step"), [("timestamp", 30), ("timestamp", 900), ("time_s", 5e7)])
 def test_slow_and_stated_seconds_are_kept(column: str, step: float) -> None:
-    table = parse_columns(f"id,{column},exposure_ms\n0,0,1\n1,{step:.0f},2\n", "e.csv")
+    table = table_of(f"id,{column},exposure_ms\n0,0,1\n1,{step:.0f},2\n", "e.csv")
     assert table.stamps_s.tolist() == [0, step]
 
 
@@ -299,7 +300,7 @@ def test_any_table_is_parsed_or_refused(
 ) -> None:
     text = "\n".join(separator.join(row) for row in rows)
     try:
-        table = parse_columns(text, "list.csv", images=images, numbered=numbered)
+        table = table_of(text, "list.csv", images=images, numbered=numbered)
     except OspcError as error:
         assert str(error).isprintable()  # noqa: PT017
     else:
@@ -309,27 +310,31 @@ def test_any_table_is_parsed_or_refused(
 @given(st.text(max_size=100))
 def test_any_text_is_parsed_or_refused_as_an_image_list(text: str) -> None:
     try:
-        parse_image_list(text, "image_list.txt")
+        table_of(text, "image_list.txt")
     except OspcError as error:
         assert "\n" not in str(error)  # noqa: PT017
 
 
 def test_an_image_list_is_in_seconds_and_checked_against_its_inverse() -> None:
-    table = parse_image_list("# Filename exposure 1/shutter\na.png 32 0.03125\nb.png 0.5 2\n", "image_list.txt")
+    table = table_of("# Filename exposure 1/shutter\na.png 32 0.03125\nb.png 0.5 2\n", "image_list.txt")
     assert table.ids == ("a.png", "b.png")
     assert table.exposures_ms.tolist() == [32000, 500]
     with pytest.raises(ExposureError, match=r"image_list\.txt, line 1: the exposure 2 s contradicts its inverse 2"):
-        parse_image_list("a.png 2 2\n", "image_list.txt")
+        table_of("a.png 2 2\n", "image_list.txt")
+
+
+def test_an_image_list_may_have_an_unknown_aperture() -> None:
+    assert table_of("a.png 2 0.5 nan 0\nb.png 1 1 nan 0\n", "image_list.txt").ids == ("a.png", "b.png")
 
 
 def test_an_image_list_with_changing_aperture_is_refused() -> None:
     with pytest.raises(ExposureError, match="line 2: f-stop, gain or filter differ"):
-        parse_image_list("a.png 1 1 8 0 0\nb.png 0.5 2 11 0 0\n", "image_list.txt")
+        table_of("a.png 1 1 8 0 0\nb.png 0.5 2 11 0 0\n", "image_list.txt")
 
 
 def test_an_image_list_without_exposures_is_refused() -> None:
     with pytest.raises(ExposureError, match="line 1: has no exposure"):
-        parse_image_list("a.png\n", "image_list.txt")
+        table_of("a.png\n", "image_list.txt")
 
 
 @pytest.mark.parametrize(("name", "frames", "longest_ms"), [("taipei", 10, 32_000), ("memorial", 16, 32_000)])

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 from image_samples import encoded, grey
+from list_samples import table_of
 
 from ospc.errors import ExposureError, RecordingError, SettingError
 from ospc.recording import open_recording
-from ospc.recording.exposure_lists import parse_columns
 from ospc.recording.exposure_units import GainUnit
 from ospc.recording.frame_matching import match_images
 from ospc.recording.frame_table import FrameTable
@@ -22,12 +22,12 @@ SHUFFLED = (2, 0, 3, 1)
 
 def matched(text: str, names: Sequence[str] = NAMES) -> tuple[list[str], tuple[str, ...]]:
     """Return the image of each row and the notes about matching."""
-    images, notes = match_images(parse_columns(text, "e.csv", images=names), names, "images")
+    images, notes = match_images(table_of(text, "e.csv", images=names), names, "images")
     return list(images), notes
 
 
 def table(header: str, *rows: str, unit: GainUnit | None = None) -> FrameTable:
-    return parse_columns("\n".join([header, *rows, ""]), "e.csv", ReadingOptions(gain_unit=unit))
+    return table_of("\n".join([header, *rows, ""]), "e.csv", ReadingOptions(gain_unit=unit))
 
 
 @pytest.mark.parametrize("header", ["SourceFile", "image_path", "uri", "left_image", "photo", "Datei", "index"])
@@ -101,7 +101,7 @@ def test_fractions_are_seconds(header: str) -> None:
 
 
 def test_fractions_are_no_header() -> None:
-    assert parse_columns("a 1/250\nb 1/500\n", "e.txt").exposures_ms.tolist() == [4, 2]
+    assert table_of("a 1/250\nb 1/500\n", "e.txt").exposures_ms.tolist() == [4, 2]
 
 
 LINEAR = (
@@ -180,7 +180,7 @@ def test_a_changing_aperture_gets_a_note(column: str) -> None:
     ("name", "doubtful"), [("gain", True), ("Analogue Gain", True), ("gain_db", False), ("gain_linear", False)]
 )
 def test_a_gain_without_a_unit_is_linear_and_a_note_says_what_else_it_may_be(name: str, doubtful: bool) -> None:
-    (note, *_) = parse_columns(f"file,exposure_ms,{name}\na,1,10\nb,2,20\n", "list.csv").notes
+    (note, *_) = table_of(f"file,exposure_ms,{name}\na,1,10\nb,2,20\n", "list.csv").notes
     assert "multiplied by the gain" in note
     assert ("add --gain-unit db if it is in decibels" in note) == doubtful
 

@@ -122,7 +122,7 @@ def test_blurred_edges_of_a_mask_in_jpeg_are_halved(quality: int, tmp_path: Path
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (encoded(grey(size=(8, 8))), "mask is 8x8 pixels, but frames are 160x120"),
+        (encoded(grey(size=(8, 8))), "mask is 8×8 pixels, but frames are 160×120"),
         (b"not an image", "not PNG"),
         (b"", "empty"),
         (None, "cannot be read"),
@@ -137,7 +137,7 @@ def test_a_mask_that_is_none(content: bytes | None, words: str, tmp_path: Path) 
 
 
 def test_masking_every_pixel_is_refused() -> None:
-    with pytest.raises(SettingError, match="leave 0 of the 160x120 pixels"):
+    with pytest.raises(SettingError, match="leave 0 of the 160×120 pixels"):
         masked(recorded(), None, Region(50, 50, 10, 0))
     with pytest.raises(SettingError, match=r"has shape \(3, 3\)"):
         masked(recorded(), np.ones((3, 3), bool))
@@ -147,7 +147,7 @@ def test_masking_every_pixel_is_refused() -> None:
     "region", [Region(5, 5, 5000, 20), Region(0, 1, 160, 120), Region(500, 500, 10, 10), Region(-50, 0, 40, 120)]
 )
 def test_a_region_beyond_the_image_is_refused(region: Region) -> None:
-    with pytest.raises(SettingError, match="are not inside the 160x120 of array; give a region of interest inside"):
+    with pytest.raises(SettingError, match="are not inside the 160×120 of array; give a region of interest inside"):
         masked(recorded(), None, region)
 
 

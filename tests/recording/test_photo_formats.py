@@ -94,7 +94,7 @@ class TestHeic:
 
     def test_images_that_need_too_much_memory_are_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(frame, "MAX_DECODED_BYTES", 1000)
-        with pytest.raises(FrameError, match=r"a.heic: .*96x64 pixels, which need more than"):
+        with pytest.raises(FrameError, match=r"a.heic: .*96×64 pixels, which need more than"):
             decode_stored(heic(smooth()), "a.heic")
 
     @pytest.mark.parametrize("length", [0, 100, 500, -100])
@@ -155,7 +155,7 @@ class TestRaw:
 
     def test_images_that_need_too_much_memory_are_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(frame, "MAX_DECODED_BYTES", 1000)
-        with pytest.raises(FrameError, match=r"a.dng: .*96x64 pixels, which need more than"):
+        with pytest.raises(FrameError, match=r"a.dng: .*96×64 pixels, which need more than"):
             decode_stored(dng(grey(0, SIZE, np.uint16)), "a.dng")
 
     @pytest.mark.parametrize("length", [0, 100, -1000])

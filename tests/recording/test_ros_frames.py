@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from image_samples import grey
 
 from ospc.errors import ExposureError, FrameError
-from ospc.recording.bags.messages import DamagedMessageError
 from ospc.recording.live.ros import RosFrames
 from ospc.recording.options import ReadingOptions
 
@@ -111,7 +110,7 @@ def test_messages_are_any_objects_with_the_fields_of_their_types(point: object) 
     pairs = RosFrames("geometry_msgs/msg/PointStamped", ReadingOptions.of({"exposure_field": "point.x"} | UNIT))
     pairs.image(image(0))
     assert pairs.exposure(SimpleNamespace(header=header(0), point=point)).exposure_ms == pytest.approx(5)
-    with pytest.raises(DamagedMessageError, match=r"has no field point\.x; it has header, x"):
+    with pytest.raises(ExposureError, match=r"has no field point\.x; it has header, x"):
         pairs.exposure(SimpleNamespace(header=header(0), x=50.0))
 
 
@@ -171,6 +170,12 @@ def test_missing_exposures_and_unreadable_images_are_errors() -> None:
         pairs.exposure(exposure(0, 0))
     with pytest.raises(FrameError, match="encoding"):
         pairs.image(image(0, "32FC1"))
+
+
+@pytest.mark.parametrize("content", [{}, {"json_data": 3}, {"json_data": '{"actual_exposure": 1' + "0" * 400 + "}"}])
+def test_a_message_with_unexpected_content_is_an_error_of_its_exposure(content: dict[str, object]) -> None:
+    with pytest.raises(ExposureError, match="have unexpected fields"):
+        RosFrames(REALSENSE).exposure(Message(header=header(0), **content))
 
 
 def test_of_a_mosaic_the_green_pixels_are_taken() -> None:

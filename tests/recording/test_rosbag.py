@@ -32,8 +32,9 @@ from bag_samples import (
 from image_samples import encoded, grey
 from test_bayer import mosaic, smooth
 
-from ospc.errors import ExposureError, FrameError, RecordingError
+from ospc.errors import ExposureError, FrameError, RecordingError, escaped
 from ospc.recording import open_recording
+from ospc.recording.bags.mcap_file import McapFile
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.options import ReadingOptions
@@ -108,7 +109,7 @@ def test_a_channel_of_colour(channel: Channel, encoding: str, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("channel", [None, *Channel])
-def test_a_bayer_mosaic_gives_the_pixels_of_one_colour(channel: Channel | None, tmp_path: Path) -> None:
+def test_a_bayer_mosaic_gives_the_pixels_of_one_colour_or_all(channel: Channel | None, tmp_path: Path) -> None:
     scene = mosaic(smooth(0, np.uint8), "g..g")
     path = write_bag2(tmp_path / "made", images([scene], encoding="bayer_grbg8") + floats([2.0]))
     recording = open_recording(path, options=ReadingOptions(channel=channel))
@@ -116,7 +117,9 @@ def test_a_bayer_mosaic_gives_the_pixels_of_one_colour(channel: Channel | None, 
     red, blue = scene[::2, 1::2].astype(int), scene[1::2, ::2].astype(int)
     green = np.rint((scene[::2, ::2].astype(int) + scene[1::2, 1::2]) / 2)
     luma = 0.299 * red + 0.587 * green + 0.114 * blue
-    expected = {Channel.RED: red, Channel.BLUE: blue, Channel.LUMINANCE: luma}.get(channel, green)  # type: ignore[call-overload]
+    colour = np.dstack([blue, green, red])
+    other = {Channel.RED: red, Channel.BLUE: blue, Channel.LUMINANCE: luma, Channel.ALL: colour}
+    expected = other.get(channel or Channel.GREEN, green)
     np.testing.assert_allclose(image, expected, atol=0 if channel is not Channel.LUMINANCE else 0.51)
 
 
@@ -332,6 +335,20 @@ def test_exposures_may_be_in_a_list_next_to_the_bag(write: Any, late_ns: int, tm
         open_recording(path)
 
 
+@pytest.mark.parametrize("days", [1, 60, 100, 20_000])  # since the computer was started, or since 1970
+def test_time_stamps_of_a_list_are_equal_however_long_the_clock_runs(days: int, tmp_path: Path) -> None:
+    stamps_ns = [days * 86400 * 10**9 + i * STEP_NS + i * i % 1009 for i in range(40)]
+    sent = [
+        Sent("/cam/image_raw", "sensor_msgs/msg/Image", image_message(FRAMES[i % 4], stamp), stamp)
+        for i, stamp in enumerate(stamps_ns)
+    ]
+    lines = [f"{stamp},{1 + i}" for i, stamp in enumerate(stamps_ns) if i != 7]
+    (tmp_path / "made.csv").write_text("\n".join(["timestamp_ns,exposure_ms", *lines, ""]))
+    recording = open_recording(write_bag1(tmp_path / "made", sent))
+    assert recording.exposures_ms == pytest.approx([1 + i for i in range(40) if i != 7])
+    assert any("1 of 40 images left out, because no exposure has the same time" in note for note in recording.notes)
+
+
 def test_a_list_of_a_bag_in_an_unknown_encoding_is_named(tmp_path: Path) -> None:
     path = write_bag1(tmp_path / "made", images(FRAMES))
     (tmp_path / "made.csv").write_bytes("timestamp_ns,exposure_us\n1,2\n".encode("utf-16-le"))
@@ -426,7 +443,7 @@ def test_a_damaged_image_is_one_unreadable_frame(tmp_path: Path) -> None:
     sent[1].content["height"] = 1000
     sent[2].content["encoding"] = "32FC1"
     made = list(open_recording(write_bag1(tmp_path / "made", sent + floats(MS))))
-    for index, words in ((1, "are not 24x1000 pixels"), (2, "encoding '32FC1' are not supported")):
+    for index, words in ((1, "are not 24×1000 pixels"), (2, "encoding '32FC1' are not supported")):
         with pytest.raises(FrameError, match=words):
             _ = made[index].image
     np.testing.assert_array_equal(made[3].image, FRAMES[3])
@@ -453,6 +470,20 @@ def test_what_is_missing_is_one_error(case: str, write: Any, tmp_path: Path) -> 
     sent, words = BROKEN[case]
     with pytest.raises(RecordingError, match=words):
         open_recording(write(tmp_path / "made", sent))
+
+
+@pytest.mark.parametrize("name", ["the", "a\a"])  # the beginning of a message, and a name that messages escape
+@pytest.mark.parametrize("damage", [None, b"\x89MCAP0\r\n"])
+def test_errors_name_the_file_once(
+    name: str, damage: bytes | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if damage is not None:
+        Path(name).write_bytes(damage)
+    with pytest.raises(RecordingError) as caught:
+        McapFile(Path(name))
+    assert str(caught.value).startswith(f"{escaped(name)}: ")
+    assert str(caught.value).count(escaped(name) + ":") == 1
 
 
 @pytest.mark.parametrize("writer", WRITERS)

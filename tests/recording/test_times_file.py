@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from list_samples import table_of
 
 from ospc.errors import ExposureError, OspcError, RecordingError
-from ospc.recording.exposure_lists import parse_times, read_times
+from ospc.recording.exposure_lists import read_times
 from ospc.recording.exposure_units import ExposureUnit
 from ospc.recording.options import ReadingOptions
 from ospc.recording.table_text import MAX_LINE_CHARACTERS, lines_of, read_table_text
 
 
 def test_columns_are_id_stamp_exposure() -> None:
-    table = parse_times("00000 10.5 1.25\n00001 10.75 2.5\n", "times.txt")
+    table = table_of("00000 10.5 1.25\n00001 10.75 2.5\n", "times.txt")
     assert table.ids == ("00000", "00001")
     assert table.stamps_s.tolist() == [10.5, 10.75]
     assert table.exposures_ms.tolist() == [1.25, 2.5]
@@ -26,13 +27,13 @@ def test_columns_are_id_stamp_exposure() -> None:
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_comments_blank_lines_tabs_and_line_ends_are_no_content(end: str) -> None:
     text = end.join(["\ufeff# id stamp exposure", "", "1\t0.5\t2", "   ", "# more", "  2 0.75  4e0  "])
-    table = parse_times(text.removeprefix("\ufeff"), "times.txt")
+    table = table_of(text.removeprefix("\ufeff"), "times.txt")
     assert table.ids == ("1", "2")
     assert table.exposures_ms.tolist() == [2, 4]
 
 
 def test_the_table_cannot_be_changed() -> None:
-    table = parse_times("1 0.5 2\n", "times.txt")
+    table = table_of("1 0.5 2\n", "times.txt")
     with pytest.raises(ValueError, match="read-only"):
         table.exposures_ms[0] = 3
 
@@ -40,7 +41,7 @@ def test_the_table_cannot_be_changed() -> None:
 @pytest.mark.parametrize("unit", [1e-9, 1e-6, 1e-3])
 def test_stamps_since_1970_in_finer_units_become_seconds_with_a_note(unit: float) -> None:
     seconds = 1_520_531_829.25
-    table = parse_times(f"1 {seconds / unit:.0f} 2\n2 {(seconds + 1) / unit:.0f} 2\n", "times.txt")
+    table = table_of(f"1 {seconds / unit:.0f} 2\n2 {(seconds + 1) / unit:.0f} 2\n", "times.txt")
     np.testing.assert_allclose(table.stamps_s, [seconds, seconds + 1], atol=1e-3)
     assert "inferred from their size" in table.notes[0]
 
@@ -96,7 +97,7 @@ BROKEN = {
 def test_a_broken_line_is_named_with_what_is_wrong(case: str) -> None:
     text, error, message = BROKEN[case]
     with pytest.raises(error, match=message) as caught:
-        parse_times(text, "some/times.txt")
+        table_of(text, "some/times.txt")
     assert str(caught.value).startswith("some/times.txt")
     assert "\n" not in str(caught.value)
 
@@ -146,14 +147,14 @@ def test_text_is_read_in_every_encoding_that_spreadsheets_write(tmp_path: Path, 
 def test_exposures_that_are_implausible_in_ms_get_a_note_with_the_likely_unit(
     scale: float, options: ReadingOptions, said: str | None
 ) -> None:
-    notes = parse_times("".join(f"{i} {i * 0.05} {8 * scale}\n" for i in range(4)), "times.txt", options).notes
+    notes = table_of("".join(f"{i} {i * 0.05} {8 * scale}\n" for i in range(4)), "times.txt", options).notes
     doubts = [note for note in notes if "exposures of" in note]
     assert len(doubts) == (said is not None)
     assert all(note.startswith(f"times.txt: {said}") for note in doubts)
 
 
 def test_fractions_are_read_if_the_user_states_seconds() -> None:
-    table = parse_times("1 0.1 1/500\n2 0.2 0.5\n", "times.txt", ReadingOptions(exposure_unit=ExposureUnit.S))
+    table = table_of("1 0.1 1/500\n2 0.2 0.5\n", "times.txt", ReadingOptions(exposure_unit=ExposureUnit.S))
     assert table.exposures_ms.tolist() == [2, 500]
 
 
@@ -170,7 +171,7 @@ def test_too_many_lines_are_refused_before_they_are_split() -> None:
 @given(st.text(alphabet=st.characters(exclude_categories=["Cs"]), max_size=200))
 def test_any_text_is_parsed_or_refused(text: str) -> None:
     try:
-        table = parse_times(text, "times.txt")
+        table = table_of(text, "times.txt")
     except OspcError as error:
         assert "\n" not in str(error)  # noqa: PT017
     else:
@@ -187,7 +188,7 @@ fields = st.one_of(
 @given(st.lists(st.lists(fields, min_size=1, max_size=4).map(" ".join), max_size=5).map("\n".join))
 def test_near_misses_are_parsed_or_refused(text: str) -> None:
     try:
-        table = parse_times(text, "times.txt")
+        table = table_of(text, "times.txt")
     except OspcError as error:
         assert str(error).isprintable()  # noqa: PT017
     else:

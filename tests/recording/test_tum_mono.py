@@ -237,7 +237,7 @@ UNREADABLE = {
     "truncated JPEG": (GOOD_JPEG[: len(GOOD_JPEG) // 2], "no end marker"),
     "JPEG without its end": (GOOD_JPEG[:-2], "no end marker"),
     "PNG of absurd size": (png_of_size(2**31 - 1, 2**31 - 1), "bytes allowed"),
-    "PNG of size zero": (png_of_size(0, 16), "0x16 pixels"),
+    "PNG of size zero": (png_of_size(0, 16), "0×16 pixels"),
     "JPEG of absurd size": (jpeg_of_size(65535, 65535), "bytes allowed"),
     "PNG that lies about its size": (png_of_size(4000, 3000), "damaged and cannot be decoded"),
     "another size": (

@@ -276,7 +276,7 @@ def test_large_frames_are_refused_before_they_are_decoded(
     video: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("ospc.recording.frame.MAX_DECODED_BYTES", 1000)
-    with pytest.raises(RecordingError, match="64x48 pixels, which need more"):
+    with pytest.raises(RecordingError, match="64×48 pixels, which need more"):
         open_recording(video())
 
 

@@ -109,8 +109,8 @@ class _Request:
         "--truth and --start-from may contain subfolders named after the cameras."
     )
     fallback: str | None = option(
-        "Method for a single photograph or a recording without exposures: single-image guesses response and "
-        "vignette from edges and shading, with wide bands, and labels every file as a guess.",
+        "Method for a single photograph or a recording without exposures: single-image takes a typical response, "
+        "guesses the vignette from shading, with wide bands for both, and labels every file as a guess.",
         type=click.Choice(["single-image"]),
     )
     list_topics: bool = LIST_TOPICS

@@ -250,7 +250,7 @@ class Engine:
         """Return the calibration of the current epoch together with what was known of the camera before it."""
         run = self._run
         own = method.calibration(exposures, grey_range)
-        earlier = response_before_change(run.epochs, run.exposures.table.written) if run.epochs else self.prior
+        earlier = response_before_change(run.epochs, run.exposures.table.log_recorded) if run.epochs else self.prior
         if earlier is None:
             return own
         return earlier.continued(own, self._summary_of(method.inputs(exposures, grey_range)))

@@ -156,8 +156,8 @@ class Run:
         """
         self.sampler.expects_repeats = True
         self.exposures.history.observe(thumbnail)
-        written = self.exposures.table.written
-        if written[frame.index] != written[first]:
+        recorded = self.exposures.table.log_recorded
+        if recorded[frame.index] != recorded[first]:
             raise FrameError(f"{frame.name}: repeats the previous image with another exposure, so an image was lost")
         self.sampler.skip()
 

@@ -21,14 +21,7 @@ def labelled(calibration: Calibration) -> Calibration:
     """Return a calibration from estimated exposures with a label, and with the uncertainty of the exponent."""
     response, vignette_sigma, sigma = calibration.response, calibration.vignette_sigma, EXPONENT_SIGMA
     if response is not None:
-        log_g = np.log(np.maximum(response.inverse_table, 1e-12))
-        log_reference = float(np.log(response.inverse(response.reference_grey)))
-        known = 0.0 if response.log_sigma is None else np.asarray(response.log_sigma)
-        response = replace(
-            response,
-            log_sigma=np.hypot(known, np.abs(log_g - log_reference) * sigma),
-            scale_sigma=float(np.hypot(response.scale_sigma or 0.0, log_reference * sigma)),
-        )
+        response = response.with_uncertain_exponent(sigma)
     if calibration.vignette is not None and vignette_sigma is not None:
         profile = diagonal_profile(calibration.vignette, PROFILE_RADII)
         vignette_sigma = np.hypot(vignette_sigma, np.abs(profile * np.log(np.maximum(profile, 1e-12))) * sigma)

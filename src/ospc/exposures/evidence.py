@@ -154,38 +154,38 @@ def evidence_of_images(
     return replace(found, wrong=wrong, compared=len(series))
 
 
-def _with_choice(series: BrightnessSeries, written: FloatArray, choice: LagChoice) -> ExposureEvidence:
+def _with_choice(series: BrightnessSeries, log_exposure: FloatArray, choice: LagChoice) -> ExposureEvidence:
     """Compare exposures that are moved by the chosen lag or, if it is to be found, by a certain one."""
     if isinstance(choice, int):
-        if leaves_frames(choice, len(written)):
-            return _moved(series, written, choice, choice)
-        found = _as_used(BrightnessSeries.from_changes(()), written, choice)
+        if leaves_frames(choice, len(log_exposure)):
+            return _moved(series, log_exposure, choice, choice)
+        found = _as_used(BrightnessSeries.from_changes(()), log_exposure, choice)
         return replace(found, corrected_frames=choice)
-    found = _as_used(series, written, choice)
+    found = _as_used(series, log_exposure, choice)
     certain = found.lag.certain_frames(found.recorded.cycle_frames)
     if not certain or choice == "never":
         return found
-    return replace(_moved(series, written, choice, certain), lag=found.lag)
+    return replace(_moved(series, log_exposure, choice, certain), lag=found.lag)
 
 
-def _moved(series: BrightnessSeries, written: FloatArray, choice: LagChoice, lag: int) -> ExposureEvidence:
+def _moved(series: BrightnessSeries, log_exposure: FloatArray, choice: LagChoice, lag: int) -> ExposureEvidence:
     """Compare exposures that are moved by a lag; the estimated lag refers to the exposures as recorded."""
-    first, last = max(0, -lag), len(written) - max(0, lag)
-    inside = series.with_exposures(len(written), 0, lag).renumbered(-first)
-    found = _as_used(inside, written[first + lag : last + lag], choice).renumbered(first)
+    first, last = max(0, -lag), len(log_exposure) - max(0, lag)
+    inside = series.with_exposures(len(log_exposure), 0, lag).renumbered(-first)
+    found = _as_used(inside, log_exposure[first + lag : last + lag], choice).renumbered(first)
     return replace(found, lag=found.lag.plus(lag), corrected_frames=lag)
 
 
-def _as_used(series: BrightnessSeries, written: FloatArray, choice: LagChoice) -> ExposureEvidence:
-    lag = estimate_lag(series, written)
+def _as_used(series: BrightnessSeries, log_exposure: FloatArray, choice: LagChoice) -> ExposureEvidence:
+    lag = estimate_lag(series, log_exposure)
     return ExposureEvidence(
         choice=choice,
-        frames=len(written),
-        recorded=ExposureReport.of(written),
+        frames=len(log_exposure),
+        recorded=ExposureReport.of(log_exposure),
         lag=lag,
         remaining_lag=lag,
-        brightness=brightness_report(lag, written),
-        inverse_share=explained_by_inverse(lag, series, written),
+        brightness=brightness_report(lag, log_exposure),
+        inverse_share=explained_by_inverse(lag, series, log_exposure),
     )
 
 

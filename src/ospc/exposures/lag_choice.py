@@ -40,7 +40,7 @@ def lag_choice(text: str) -> LagChoice:
 
 
 def checked_lag_choice(choice: LagChoice) -> LagChoice:
-    """Return the choice, with a number of frames as int; SettingError if it is none, or a lag that is too large."""
+    """Return the choice, a number as int; SettingError if it is not a valid choice, or the lag is too large."""
     match choice:
         case "auto" | "never" | "estimated":
             return choice

@@ -77,10 +77,10 @@ class ExposureMonitor:
         """Return what the images show about the exposures of this epoch before a frame."""
         key = (frame, len(self.table), len(self.history))
         if self._findings is None or self._findings[0] != key:
-            changes, written = self.history.before(frame), self.table.written[:frame]
+            changes, log_recorded = self.history.before(frame), self.table.log_recorded[:frame]
             # The matrices are small: more BLAS threads would only wait for each other.
             with one_blas_thread():
-                seen = evidence_of_images(changes, written, self.choice, first_frame=self._first_frame)
+                seen = evidence_of_images(changes, log_recorded, self.choice, first_frame=self._first_frame)
                 self._findings = (key, findings_from(seen))
         return self._findings[1]
 
@@ -96,7 +96,7 @@ class ExposureMonitor:
         if not camera_changed and len(self.history) % interval:
             return None
         with one_blas_thread():
-            found = detect_lag_change(self.history.changes, self.table.written, self._known_lag)
+            found = detect_lag_change(self.history.changes, self.table.log_recorded, self._known_lag)
         suspected, self._suspected_lag = self._suspected_lag, 0 if found is None else found.later_frames
         if found is None or not found.proven or not (camera_changed or suspected * found.later_frames > 0):
             return None
@@ -116,7 +116,7 @@ class ExposureMonitor:
 
     def needs_comparison(self, number: int) -> bool:
         """Return whether comparing a frame with the previous one helps to find the lag: its exposure has changed."""
-        recent = self.table.written[max(0, number - EXPOSURE_CHANGE_FRAMES) : number + 1]
+        recent = self.table.log_recorded[max(0, number - EXPOSURE_CHANGE_FRAMES) : number + 1]
         return self.lag_is_uncertain and float(np.nanmax(recent) - np.nanmin(recent)) > MIN_EXPOSURE_CHANGE_LOG
 
     def begin_epoch(self, frame: int) -> None:
@@ -129,7 +129,7 @@ class ExposureMonitor:
 
     def trimmed(self) -> ExposureMonitor:
         """Return the monitor without spare room in its table; save it before the next frame."""
-        table = ExposureTable.of(self.table.written, self.table.lag_frames, trusted=self.table.trusted)
+        table = ExposureTable.of(self.table.log_recorded, self.table.lag_frames, trusted=self.table.trusted)
         return replace(self, table=table)
 
 

@@ -61,7 +61,7 @@ class ExposureTable:
         return self._count
 
     @property
-    def written(self) -> FloatArray:
+    def log_recorded(self) -> FloatArray:
         """Ln of the exposures in milliseconds as recorded, NaN if missing, shape (frames,)."""
         return self._log_exposure[: self._count]
 

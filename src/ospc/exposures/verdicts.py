@@ -176,9 +176,9 @@ def _on_unknown_lag(evidence: ExposureEvidence) -> tuple[Verdict, _Standing]:
     if candidates and 0 not in candidates:
         return _open(evidence), "contradicted"
     if isinstance(evidence.choice, int):
-        whose = f"are recorded {lag_in_words(moved)}" if moved else "belong to their frames"
+        whose = f"be recorded {lag_in_words(moved)}" if moved else "belong to their frames"
         checked = "are too few or too different to check it" if compared is None else "do not contradict this"
-        return Verdict("identifiable", f"exposures {whose}, as stated; the images {checked}"), "settled"
+        return Verdict("identifiable", f"exposures are taken to {whose}; the images {checked}"), "settled"
     if compared is None and evidence.frames < MIN_CHECKED_FRAMES:
         few = f"the recording has only {counted(evidence.frames, 'frame')}"
         text = f"{few}, too few to check whether exposures belong to them"

@@ -86,7 +86,7 @@ def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_gr
         raise SettingError(f"{photometry.name}: does not state the image size; add the vignette, or --size")
     if size not in (None, known):
         raise SettingError(
-            f"{photometry.name}: is for images of {known[0]}x{known[1]} pixels; leave out --size, then scale the "
+            f"{photometry.name}: is for images of {known[0]}×{known[1]} pixels; leave out --size, then scale the "
             f"result with 'ospc export --size'"
         )
     if photometry.calibration is not None:
@@ -158,7 +158,7 @@ def export(
     elif photometry.response is None and photometry.vignette is None:
         raise NotObservableError(f"{photometry.name}: has neither a response nor a vignette")
     elif program == "opencv":
-        files = [write_opencv(place, photometry.response, photometry.vignette)]
+        files = [write_opencv(photometry.response, photometry.vignette, place)]
     else:
         files = _to_dso(photometry, place, values)
         # Programs would use them with the new ones.
@@ -182,7 +182,7 @@ def _vignette_only(photometry: Photometry, program: str, place: Path, optics: Op
     elif program == "adobe":
         fit = write_lcp(photometry.vignette, place, optics)
     else:
-        fit = write_pto(place, photometry.vignette)
+        fit = write_pto(photometry.vignette, place)
     left_out = "" if photometry.response is None else f"no response is written for {program}, only the vignette"
     return Exported((place,), tuple(filter(None, (fit.note, left_out, photometry.caveat))))
 

@@ -23,7 +23,7 @@ _FIELD = re.compile(r'([A-Za-z]+)(=?-?[0-9.][0-9.eE+-]*|"[^"]*")')
 _LINK = re.compile(r"=(\d{1,6})", re.ASCII)
 
 
-def write_pto(path: str | Path, vignette: Vignette) -> RadialFit:
+def write_pto(vignette: Vignette, path: str | Path) -> RadialFit:
     """Write a project file with one image line, to be used as a template, and return the polynomial.
 
     It is fitted to the vignette, about its own centre. The response is the mean response of hugin's model.

@@ -33,7 +33,7 @@ def read_png(path: str | Path) -> Image:
     except FrameError as error:
         raise FormatError(f"{error} (damaged PNG)") from None
     if header.width * header.height > MOST_PIXELS:
-        raise FormatError(f"{path}: has {header.width}x{header.height} pixels; at most {MOST_PIXELS} are allowed")
+        raise FormatError(f"{path}: has {header.width}×{header.height} pixels; at most {MOST_PIXELS} are allowed")
     try:
         image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:

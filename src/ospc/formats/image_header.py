@@ -47,7 +47,7 @@ def read_header(data: bytes, name: str) -> ImageHeader:
             except _DamagedError as error:
                 raise FrameError(f"{name}: {error}; copy or download it again") from None
             if header.width <= 0 or header.height <= 0:
-                raise FrameError(f"{name}: its header states a size of {header.width}x{header.height} pixels")
+                raise FrameError(f"{name}: its header states a size of {header.width}×{header.height} pixels")
             return header
     if not data:
         raise FrameError(f"{name}: the file is empty; copy or download it again")

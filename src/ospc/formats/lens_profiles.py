@@ -182,7 +182,8 @@ def write_lensfun(vignette: Vignette, path: str | Path, optics: Optics) -> Radia
         )
     fit = fit_radial(vignette)
     focal_mm = optics.focal_in_mm(fit.size)
-    divisor = math.gcd(*fit.size)
+    short, long = sorted(fit.size)
+    divisor = math.gcd(short, long)
     database = Element("lensdatabase", version="1")
     lens = SubElement(database, "lens")
     for name, text in (
@@ -190,7 +191,7 @@ def write_lensfun(vignette: Vignette, path: str | Path, optics: Optics) -> Radia
         ("model", optics.lens),
         ("mount", "Generic"),
         ("cropfactor", f"{optics.crop_factor:.9g}"),
-        ("aspect-ratio", f"{fit.size[0] // divisor}:{fit.size[1] // divisor}"),
+        ("aspect-ratio", f"{long // divisor}:{short // divisor}"),
     ):
         SubElement(lens, name).text = text
     SubElement(

@@ -38,7 +38,7 @@ _MATRIX = re.compile(
 )
 
 
-def write_opencv(path: str | Path, response: Response | None = None, vignette: Vignette | None = None) -> Path:
+def write_opencv(response: Response | None, vignette: Vignette | None, path: str | Path) -> Path:
     """Write a response, a vignette or both to an OpenCV YAML file, atomically, and return its path.
 
     The matrix ``response`` is for OpenCV functions, ``inverse_response`` is the exact table, and ``vignette`` has the
@@ -98,7 +98,7 @@ def _matrices(path: str | Path) -> dict[str, FloatArray]:
         except ValueError:
             raise FormatError(f"{path}: the values of the matrix '{name}' are not numbers") from None
         if not 0 < count <= MOST_PIXELS or values.size != count or not np.all(np.abs(values) < _LARGEST_VALUE):
-            raise FormatError(f"{path}: the matrix '{name}' is not {shape[0]}x{shape[1]} finite values")
+            raise FormatError(f"{path}: the matrix '{name}' is not {shape[0]}×{shape[1]} finite values")
         found[name] = values.reshape(shape)
     return found
 

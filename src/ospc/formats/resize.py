@@ -40,7 +40,7 @@ def resize_calibration(calibration: Calibration, size: ImageSize) -> Calibration
     whole = calibration.size
     if not same_aspect(size, whole):
         raise SettingError(
-            f"{whole[0]}x{whole[1]} cannot be scaled to {size[0]}x{size[1]}, which has another aspect ratio; crop it "
+            f"{whole[0]}×{whole[1]} cannot be scaled to {size[0]}×{size[1]}, which has another aspect ratio; crop it "
             "first"
         )
     vignette = None if calibration.vignette is None else _resized(calibration.vignette, size)
@@ -72,7 +72,7 @@ def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: Im
     whole = calibration.size
     if not all(o >= 0 and o + s <= w for o, s, w in zip(offset, size, whole, strict=True)):
         raise SettingError(
-            f"{size[0]}x{size[1]} pixels from ({offset[0]}, {offset[1]}) are not inside {whole[0]}x{whole[1]}"
+            f"{size[0]}×{size[1]} pixels from ({offset[0]}, {offset[1]}) are not inside {whole[0]}×{whole[1]}"
         )
     vignette = None if calibration.vignette is None else _cropped(calibration.vignette, offset, size)
     margins = [w - o - s - o for w, o, s in zip(whole, offset, size, strict=True)]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 from ospc.arrays import ImageSize
-from ospc.errors import FormatError
+from ospc.errors import FormatError, escaped
 from ospc.formats.files import BYTE_ORDER_MARK
 
 Program: TypeAlias = Literal["dso", "mono"]
@@ -104,7 +104,7 @@ class Format(Generic[Document]):
         try:
             document = self.read(path)
         except FormatError as error:
-            reason = str(error).removeprefix(f"{path}: ")
+            reason = str(error).removeprefix(f"{escaped(str(path))}: ")
             return (Finding("error", reason, UNCORRECTED[context.program], file=str(path)),)
         return self.findings_in(document, path, context)
 

@@ -142,7 +142,7 @@ def _about_the_output_size(text: str, context: Context) -> Iterator[Broken]:
     levels, (width, height) = 1, size
     while width % 2 == 0 and height % 2 == 0 and width * height > _SMALLEST_PIXELS and levels < _MOST_LEVELS:
         levels, width, height = levels + 1, width // 2, height // 2
-    end = f"{_times(size)} ends at {width}x{height} after {counted(levels - 1, 'halving')}"
+    end = f"{_times(size)} ends at {width}×{height} after {counted(levels - 1, 'halving')}"
     rule = f"the rectified size can be halved several times; {end}"
     remedy = "choose a size on line 4 whose sides are multiples of 16 or 32"
     if levels < _FEWEST_LEVELS:
@@ -171,7 +171,7 @@ def _size(line: str) -> ImageSize | None:
 
 
 def _times(size: ImageSize | None) -> str:
-    return "" if size is None else f"{size[0]}x{size[1]}"
+    return "" if size is None else f"{size[0]}×{size[1]}"
 
 
 CAMERA: Format[str] = Format(

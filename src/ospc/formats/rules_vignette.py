@@ -28,11 +28,11 @@ the border brighter, and estimates of flat vignettes differ less."""
 def _about_the_size(image: Image, context: Context) -> Iterator[Broken]:
     size, wanted = size_of(image), context.size
     if wanted is None:
-        rule = f"exactly the size of the input image, before rectification; this one is {size[0]}x{size[1]}"
+        rule = f"exactly the size of the input image, before rectification; this one is {size[0]}×{size[1]}"
         effect = "was not compared, because the size of the images is unknown"
         yield Broken("note", rule, effect, "give --size, or check camera.txt with it")
     elif wanted != size:
-        both = f"{wanted[0]}x{wanted[1]}, before rectification; this one is {size[0]}x{size[1]}"
+        both = f"{wanted[0]}×{wanted[1]}, before rectification; this one is {size[0]}×{size[1]}"
         effect = UNCORRECTED["dso"] if context.program == "dso" else "prints one line and corrects no vignette"
         cut = "crop it to the part of the image that is used, because the aspect ratios differ"
         remedy = "calibrate at this size" if same_aspect(size, wanted) else cut
@@ -100,7 +100,7 @@ def _border_mean(values: Image) -> float:
 def _resize(image: Image, context: Context) -> tuple[Image, str]:
     size = size_of(image)
     wanted = context.size or size
-    before, after = f"{size[0]}x{size[1]}", f"{wanted[0]}x{wanted[1]}"
+    before, after = f"{size[0]}×{size[1]}", f"{wanted[0]}×{wanted[1]}"
     if not same_aspect(size, wanted):
         raise FormatError(
             f"{before} and {after} differ in aspect ratio, so one is a crop of the other; crop the vignette to the "

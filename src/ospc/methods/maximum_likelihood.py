@@ -255,4 +255,4 @@ class MaximumLikelihoodMethod(Method):
 def _log_exposure(exposures: ExposureTable, number: int) -> float:
     """Return ln of a frame's exposure; the recorded value if the corrected one is not known yet."""
     found: FloatArray = exposures.log_exposure_of(np.array([number]))
-    return float(found[0] if np.isfinite(found[0]) else exposures.written[number])
+    return float(found[0] if np.isfinite(found[0]) else exposures.log_recorded[number])

@@ -299,7 +299,7 @@ def wrong_size(what: str, found: ImageSize, calibration: str, expected: ImageSiz
             "if they are cropped, adapt it with 'ospc export --to json --crop X,Y,W,H', where the region is that of "
             "the images, and --size if they are also scaled"
         )
-    return f"{what} has {width}x{height} pixels, {calibration} is for {full_width}x{full_height}; {remedy}"
+    return f"{what} has {width}×{height} pixels, {calibration} is for {full_width}×{full_height}; {remedy}"
 
 
 def _checked_type(dtype: npt.DTypeLike, allowed: Sequence[np.dtype[Any]]) -> np.dtype[Any]:

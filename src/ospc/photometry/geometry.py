@@ -25,7 +25,7 @@ def image_size(width: float, height: float, kind: type[OspcError] = FormatError)
     """Return a size after checking it, in whole pixels; an error of this kind if an image cannot have this size."""
     if not (min(width, height) >= 2 and width * height <= MOST_PIXELS):
         raise kind(
-            f"{width:g}x{height:g} is not an image size; sides have at least 2 pixels, images at most {MOST_PIXELS}"
+            f"{width:g}×{height:g} is not an image size; sides have at least 2 pixels, images at most {MOST_PIXELS}"
         )
     return int(width), int(height)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -172,6 +172,16 @@ class Response(ByValue):
         if levels.dtype.kind in "iu" and levels.max(initial=0) > 1:
             raise SettingError("grey levels must be in [0, 1]; divide grey values by the largest possible value")
         return np.interp(levels.astype(np.float64), self.levels, self.inverse_table)
+
+    def with_uncertain_exponent(self, sigma: float) -> Response:
+        """Return the response with larger bands, because ln of an exponent of it has this standard deviation."""
+        log_g = np.log(np.maximum(self.inverse_table, np.finfo(np.float64).tiny))
+        log_reference = np.log(self.inverse(self.reference_grey))
+        return replace(
+            self,
+            log_sigma=np.hypot(0.0 if self.log_sigma is None else self.log_sigma, sigma * (log_g - log_reference)),
+            scale_sigma=float(np.hypot(self.scale_sigma or 0.0, sigma * log_reference)),
+        )
 
     def matched(self, other: Response) -> FloatArray:
         """Return g of another response at the levels of this table, scaled to agree at the reference grey.

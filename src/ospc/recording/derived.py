@@ -121,6 +121,8 @@ def with_sensor_depth(recording: Recording, max_grey: int | None) -> Recording:
     """
     if max_grey is None:
         return recording
+    if isinstance(recording, DerivedRecording) and recording.max_grey != recording.inner.max_grey:
+        recording = recording.inner  # before it was made deeper
     if isinstance(recording, DerivedRecording):
         inner = with_sensor_depth(recording.inner, max_grey)
         notes = (*inner.notes, *recording.notes[len(recording.inner.notes) :])
@@ -195,7 +197,7 @@ def read_mask(path: Path, size: ImageSize) -> BoolArray:
     found = size_of(image)
     if found != size:
         raise SettingError(
-            f"{path}: the mask is {found[0]}x{found[1]} pixels, but frames are {size[0]}x{size[1]}; use a mask of "
+            f"{path}: the mask is {found[0]}×{found[1]} pixels, but frames are {size[0]}×{size[1]}; use a mask of "
             "this size"
         )
     black = image.max() / 2 if path.suffix.lower() in _JPEG else 0
@@ -229,15 +231,15 @@ def masked(recording: Recording, mask: BoolArray | None = None, region: Region |
         ends = region.x + region.width, region.y + region.height
         if min(region.x, region.y) < 0 or ends[0] > width or ends[1] > height:
             raise SettingError(
-                f"{region.width}x{region.height} pixels from ({region.x}, {region.y}) are not inside the "
-                f"{width}x{height} of {recording.path}; give a region of interest inside the images"
+                f"{region.width}×{region.height} pixels from ({region.x}, {region.y}) are not inside the "
+                f"{width}×{height} of {recording.path}; give a region of interest inside the images"
             )
         inside = np.zeros_like(usable)
         inside[region.y : ends[1], region.x : ends[0]] = True
         usable &= inside
     if np.count_nonzero(usable) < _LEAST_PIXELS:
         raise SettingError(
-            f"mask and region of interest leave {np.count_nonzero(usable)} of the {width}x{height} pixels; "
+            f"mask and region of interest leave {np.count_nonzero(usable)} of the {width}×{height} pixels; "
             f"usable pixels are inside the region and not black in the mask"
         )
     note = f"{1 - usable.mean():.0%} of every image is masked and not used"

@@ -42,11 +42,31 @@ _IMAGE_LIST_LINE = "a line is 'file exposure[s] 1/exposure'"
 def read_list(
     path: Path, options: ReadingOptions = DEFAULT, *, images: Sequence[str] = (), numbered: bool = False
 ) -> FrameTable:
-    """Read an ``image_list.txt``, or a list with columns if it has another name; see :func:`parse_columns`."""
-    text = read_table_text(path)
+    """Read a list with columns, or the ``image_list.txt`` of a static exposure series.
+
+    Columns are described in :mod:`~ospc.recording.list_columns`. Those of an ``image_list.txt`` are
+    ``file exposure[s] 1/exposure[1/s]``, optionally followed by f-stop, gain and neutral density.
+
+    Parameters
+    ----------
+    path, options
+        The list, and what the user states about it.
+    images
+        File names of the images of the recording: a column with these names is used whatever its header is.
+    numbered
+        Whether frames have numbers instead of names, as in a video; rows are then sorted by the number of the frame.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read or a line is malformed.
+    ExposureError
+        If exposures are missing, ambiguous or not positive, or a gain or another setting changes that is not used.
+    """
+    text, source = read_table_text(path), str(path)
     if path.name == IMAGE_LIST:
-        return parse_image_list(text, str(path))
-    return parse_columns(text, str(path), options, images=images, numbered=numbered)
+        return _image_list(text, source)
+    return _table(*columns_of(text, source), source, options, images, numbered=numbered)
 
 
 def read_times(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
@@ -59,12 +79,8 @@ def read_times(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
     ExposureError
         If exposures are missing or not positive.
     """
-    return parse_times(read_table_text(path), str(path), options)
-
-
-def parse_times(text: str, source: str, options: ReadingOptions = DEFAULT) -> FrameTable:
-    """Parse the content of a ``times.txt``, named ``source`` in messages; see :func:`read_times`."""
-    rows = _uncommented(text, source)
+    source = str(path)
+    rows = _uncommented(read_table_text(path), source)
     if options.unknown_exposures:
         rows = [(line, [*fields[:2], "1"] if len(fields) in (2, 3) else fields) for line, fields in rows]
     for line, fields in rows:
@@ -92,18 +108,8 @@ def _doubts(table: FrameTable) -> list[str]:
     return [f"{table.source}: exposures of {plain(middle_ms)} ms are {why}; {remedy}"]
 
 
-def parse_image_list(text: str, source: str) -> FrameTable:
-    """Parse the ``image_list.txt`` of a static exposure series.
-
-    Columns are ``file exposure[s] 1/exposure[1/s]``, optionally followed by f-stop, gain and neutral density.
-
-    Raises
-    ------
-    RecordingError
-        If a line is malformed.
-    ExposureError
-        If exposures are missing or invalid, or settings other than the exposure time vary.
-    """
+def _image_list(text: str, source: str) -> FrameTable:
+    """Parse an ``image_list.txt``."""
     rows = _uncommented(text, source)
     settings: list[float] | None = None
     for line, fields in rows:
@@ -118,46 +124,13 @@ def parse_image_list(text: str, source: str) -> FrameTable:
                 f"{place}: the exposure {exposure_s:g} s contradicts its inverse {others[0]:g}; {_IMAGE_LIST_LINE}"
             )
         settings = others[1:] if settings is None else settings
-        if others[1:] != settings:
+        if not np.array_equal(others[1:], settings, equal_nan=True):
             raise ExposureError(
                 f"{place}: f-stop, gain or filter differ from the first image; keep only images that differ in "
                 f"exposure time, or list exposures in a CSV file 'file,exposure_s'"
             )
     columns = Columns(2, image=0, exposure=1, unit=ExposureUnit.S, notes=("exposures are in seconds",))
     return _table(columns, [(line, fields[:2]) for line, fields in rows], source, DEFAULT)
-
-
-def parse_columns(
-    text: str,
-    source: str,
-    options: ReadingOptions = DEFAULT,
-    *,
-    images: Sequence[str] = (),
-    numbered: bool = False,
-) -> FrameTable:
-    """Parse a list of exposures with columns.
-
-    Fields are separated by commas, semicolons, tabs or spaces. The header is the first line, or the last comment
-    line before the data. Without a header, lines are ``id stamp[s] exposure[ms]``, ``file exposure[ms]`` or
-    ``exposure[ms]``.
-
-    Parameters
-    ----------
-    text, source, options
-        Content of the list, its name in messages, and what the user states about it.
-    images
-        File names of the images of the recording: a column with these names is used whatever its header is.
-    numbered
-        Whether frames have numbers instead of names, as in a video; rows are then sorted by the number of the frame.
-
-    Raises
-    ------
-    RecordingError
-        If a line is malformed.
-    ExposureError
-        If exposures are missing, ambiguous or not positive, or a gain changes that is not used.
-    """
-    return _table(*columns_of(text, source), source, options, images, numbered=numbered)
 
 
 def _uncommented(text: str, source: str) -> Rows:
@@ -173,7 +146,7 @@ def _table(
     *,
     numbered: bool = False,
 ) -> FrameTable:
-    """Turn fields into frames; see :func:`parse_columns`."""
+    """Turn fields into frames; see :func:`read_list`."""
     _check(columns, rows, source, options)
     texts = [[fields[column] for _, fields in rows] for column in range(columns.count)]
     if images:

@@ -70,7 +70,7 @@ class GainUnit(Enum):
 
 
 def known_gain_unit(unit: GainUnit | None, gains: FloatArray, gain: str) -> GainUnit:
-    """Return the unit of gains; it is ``none`` if only the manufacturer knows it (None) and they do not change.
+    """Return the stated unit. Without one, gains must be constant; the result is then ``GainUnit.NONE``.
 
     Raises
     ------

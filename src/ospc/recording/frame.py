@@ -228,6 +228,6 @@ def check_decoded_size(size: ImageSize, channels: int, bits: int, name: str) -> 
     """Raise a FrameError if decoding a file would take too much memory."""
     if size[0] * size[1] * channels * max(bits, 8) > 8 * MAX_DECODED_BYTES:
         raise FrameError(
-            f"{name}: its header states {size[0]}x{size[1]} pixels, which need more than the {MAX_DECODED_BYTES} "
+            f"{name}: its header states {size[0]}×{size[1]} pixels, which need more than the {MAX_DECODED_BYTES} "
             f"bytes allowed; repair the file or scale the images down"
         )

@@ -84,35 +84,44 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
     RecordingError
         If rows and images do not correspond.
     """
+    stems = [PurePosixPath(name).stem for name in names]
+    numbers = _numbers_in(stems)
+    found, notes = _by_names(table, names, numbers, place), tuple[str, ...]()
+    if not any(found) and (by_time := _by_times(table, names, stems)):
+        found, notes = by_time, (f"{table.source}: images are matched by the times in their names",)
     as_many = len(table) == len(names)
-    if not table.ids and as_many:
-        return tuple(names), (f"{table.source}: has no image names; images are matched in the order of their names",)
-    detail = ""
-    if table.ids:
-        by_key, stems = _by_key(names, place), [PurePosixPath(name).stem for name in names]
-        numbers = _numbers_in(stems)
-        by_number = {key: name for number, name in zip(numbers, names, strict=True) if (key := _number(number))}
-        found = [
-            by_key.get(_composed(image)) or by_key.get(_number(image)) or by_number.get(_number(image))
-            for image in table.ids
-        ]
-        matching: tuple[str, ...] = ()
-        if not any(found) and (by_time := _images_by_time(table, names, stems)):
-            found, matching = by_time, (f"{table.source}: images are matched by the times in their names",)
-        missing = [image for image, name in zip(table.ids, found, strict=True) if name is None]
-        unused = sorted(set(names) - set(found), key=by_name)
-        if as_many and not missing and not unused:
-            return tuple(name for name in found if name is not None), matching
-        none_match = len(missing) == len(table) and not any(is_image_name(image) for image in table.ids)
-        if as_many and (none_match or all(_consecutive(texts) for texts in (table.ids, numbers))):
-            return tuple(names), (f"{table.source}: its ids are not image names; images are matched by order",)
-        detail = f"; no image for {listed(missing)}" if missing else ""
-        detail += f"; no line for {listed(unused)}" if unused else ""
+    if as_many and set(found) == set(names):
+        return tuple(name for name in found if name is not None), notes
+    if as_many and (reason := _by_order(table, found, numbers)):
+        return tuple(names), (f"{table.source}: {reason}",)
+    missing = [image for image, name in zip(table.ids, found, strict=True) if name is None]
+    unused = sorted(set(names) - set(found), key=by_name) if table.ids else []
+    detail = f"; no image for {listed(missing)}" if missing else ""
+    detail += f"; no line for {listed(unused)}" if unused else ""
     same = "other images than the" if as_many else f"{counted(len(table), 'frame')} but there are"
     raise RecordingError(
         f"{table.source}: lists {same} {counted(len(names), 'image')} in {place}{detail}; there must be one line "
         f"per image, with nan for an unknown exposure"
     )
+
+
+def _by_names(table: FrameTable, names: Sequence[str], numbers: Sequence[str], place: str) -> list[str | None]:
+    """Return the image named by each row or its number, None if there is none."""
+    by_key = _by_key(names, place) if table.ids else {}
+    by_number = {key: name for number, name in zip(numbers, names, strict=True) if (key := _number(number))}
+    return [
+        by_key.get(_composed(image)) or by_key.get(_number(image)) or by_number.get(_number(image))
+        for image in table.ids
+    ]
+
+
+def _by_order(table: FrameTable, found: Sequence[str | None], numbers: Sequence[str]) -> str:
+    """Return why images belong to the rows in their order, although names and times do not tell; empty if not."""
+    if not table.ids:
+        return "has no image names; images are matched in the order of their names"
+    none_match = not any(found) and not any(is_image_name(image) for image in table.ids)
+    in_order = none_match or (_consecutive(table.ids) and _consecutive(numbers))
+    return "its ids are not image names; images are matched by order" if in_order else ""
 
 
 def in_order_of_numbers(
@@ -171,7 +180,7 @@ def match_frames(table: FrameTable, frames: int, place: str) -> tuple[str, ...]:
     )
 
 
-def _images_by_time(table: FrameTable, names: Sequence[str], stems: Sequence[str]) -> list[str | None]:
+def _by_times(table: FrameTable, names: Sequence[str], stems: Sequence[str]) -> list[str | None]:
     """Return the image named by each row's time, None if there is none; empty if no stems are times since 1970."""
     if not table.stamped or len(table) < 2 or not all(is_number(stem) for stem in stems):
         return []

@@ -122,16 +122,16 @@ def checked_stamps(stamps_s: npt.ArrayLike, where: Where) -> FloatArray:
     return read_only(stamps)
 
 
-def table_or_unlisted(
+def table_or_placeholder(
     read: Callable[[], FrameTable], source: str, count: Callable[[], int], *, allowed: bool
 ) -> FrameTable:
-    """Return the table from ``read``, or if ``allowed``, an :func:`unlisted` one if no exposures can be read."""
+    """Return the table from ``read``, or if ``allowed``, :func:`placeholder_table` if no exposures can be read."""
     try:
         return read()
     except (ExposureError, MissingExtraError):
         if not allowed or not (frames := count()):
             raise
-    return unlisted(source, np.arange(frames, dtype=np.float64), stamped=False)
+    return placeholder_table(source, np.arange(frames, dtype=np.float64), stamped=False)
 
 
 NO_EXPOSURES = "has no usable exposures"
@@ -139,7 +139,7 @@ NO_STAMPS = "has no time stamps; frames are numbered, one per second"
 """Endings of notes on unknown exposures or times."""
 
 
-def unlisted(source: str, stamps_s: FloatArray, *, stamped: bool) -> FrameTable:
+def placeholder_table(source: str, stamps_s: FloatArray, *, stamped: bool) -> FrameTable:
     """Return frames with unknown exposures, 1 ms each."""
     ones = read_only(np.ones(len(stamps_s)))
     return FrameTable(source, (), stamps_s, ones, (f"{source}: {NO_EXPOSURES}",), stamped)

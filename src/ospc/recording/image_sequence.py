@@ -12,7 +12,7 @@ from ospc.errors import RecordingError, escaped, listed
 from ospc.formats.image_header import read_header
 from ospc.recording.frame import Frame, check_size
 from ospc.recording.frame_matching import in_order_of_numbers, match_images
-from ospc.recording.frame_table import NO_STAMPS, FrameTable, table_or_unlisted
+from ospc.recording.frame_table import NO_STAMPS, FrameTable, table_or_placeholder
 from ospc.recording.image_formats import format_of
 from ospc.recording.image_source import ImageSource, why_unread
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -77,7 +77,7 @@ def open_sequence(
     if not source.names:
         why = why_unread(source.place) or "has no images; put PNG, JPEG, TIFF, BMP, PGM or PPM files there"
         raise RecordingError(f"{place}: {why}")
-    table = table_or_unlisted(read_table, place, lambda: len(source.names), allowed=options.unknown_exposures)
+    table = table_or_placeholder(read_table, place, lambda: len(source.names), allowed=options.unknown_exposures)
     names, matching = match_images(table, source.names, place)
     table, names, ordering = in_order_of_numbers(table, names)
     layout, pixels = find_layout(

@@ -1,4 +1,8 @@
-"""Columns of a list of exposures: their meaning and units, read from the header or inferred from the first row."""
+"""Columns of a list of exposures: their meaning and units, read from the header or inferred from the first row.
+
+Fields are separated by commas, semicolons, tabs or spaces. The header is the first line, or the last comment line
+before the data. Without a header, lines are ``id stamp[s] exposure[ms]``, ``file exposure[ms]`` or ``exposure[ms]``.
+"""
 
 from __future__ import annotations
 

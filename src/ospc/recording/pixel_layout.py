@@ -28,6 +28,7 @@ _TAKEN = {
     Channel.RED: "the red pixel",
     Channel.BLUE: "the blue pixel",
     Channel.LUMINANCE: "0.299 R + 0.587 G + 0.114 B",
+    Channel.ALL: "the colour",
 }
 """Pixels of a Bayer mosaic that are used for each channel."""
 
@@ -196,7 +197,8 @@ def find_layout(
             "images look like a Bayer mosaic, whose colours have different responses; choose one with --channel"
         )
         return layout, notes
-    channel = wanted or DEFAULT_CHANNEL
+    in_colour = options.channel is Channel.ALL and mosaic.complete
+    channel = Channel.ALL if in_colour else wanted or DEFAULT_CHANNEL
     if channel is not Channel.GREEN and not mosaic.complete:
         raise SettingError(
             f"{place}: the position of {channel.value} in the Bayer mosaic is unknown; give the pattern with "

@@ -227,7 +227,8 @@ class ArrayRecording(StoredRecording):
         if max_grey is None:
             # Arrays are used unchanged, so unused low bits of left-aligned data remain.
             pixels = (np.asarray(image) for image in images)
-            depth = detect_bit_depth(image for image in pixels if image.dtype == first.dtype)
+            alike = (image for image in pixels if image.dtype.newbyteorder("=") == first.dtype)
+            depth = detect_bit_depth(image.astype(first.dtype, copy=False) for image in alike)
             max_grey = depth.max_grey << depth.shift
             notes = () if depth.note is None else (f"{name}: largest grey value assumed to be {max_grey}",)
         stamps = np.arange(len(images)) if stamps_s is None else stamps_s

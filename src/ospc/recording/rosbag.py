@@ -24,11 +24,11 @@ from ospc.recording.bags.carriers import Carrier, carrier_of, gain_carrier
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import ImageStream
 from ospc.recording.bags.messages import NS_PER_S
-from ospc.recording.bags.timing import Carried, Times, increasing, match_times, read_through
+from ospc.recording.bags.timing import Carried, Times, match_times, read_through, without_steps_back
 from ospc.recording.exposure_lists import read_list
 from ospc.recording.exposure_units import ExposureUnit, GainUnit, infer_unit, known_gain_unit
 from ospc.recording.frame import Frame
-from ospc.recording.frame_table import FrameTable, checked_exposures, unlisted
+from ospc.recording.frame_table import FrameTable, checked_exposures, placeholder_table
 from ospc.recording.list_columns import columns_of
 from ospc.recording.list_search import names_exposures
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -123,8 +123,8 @@ def _camera_names(topics: Sequence[Topic]) -> dict[str, Topic]:
 def _unexposed(bag: Bag, images: Topic) -> tuple[IntArray, IntArray, FrameTable]:
     """Return recording times and message numbers of all images, and their table with unknown exposures."""
     times, _ = read_through(bag, images)
-    numbers, stamps_ns, notes = increasing(times, np.arange(len(times.log_ns)), str(bag.path))
-    table = unlisted(str(bag.path), stamps_ns / NS_PER_S, stamped=True)
+    numbers, stamps_ns, notes = without_steps_back(times, np.arange(len(times.log_ns)), str(bag.path))
+    table = placeholder_table(str(bag.path), stamps_ns / NS_PER_S, stamped=True)
     return times.log_ns, numbers, replace(table, notes=(*table.notes, *notes))
 
 
@@ -149,7 +149,7 @@ def _exposed(bag: Bag, images: Topic, options: ReadingOptions) -> tuple[IntArray
     exposure, match_notes = match_times(times, exposure_times, source)
     factors, gain_notes = _gain_factors(bag, times, gains, carried)
     known = (exposure >= 0) & np.isfinite(factors)
-    numbers, stamps_ns, stamp_notes = increasing(times, np.flatnonzero(known), str(bag.path))
+    numbers, stamps_ns, stamp_notes = without_steps_back(times, np.flatnonzero(known), str(bag.path))
     exposures_ms = checked_exposures(
         values_ms[exposure[numbers]] * factors[numbers],
         lambda frames: f"{source}, image {listed(frames)}",
@@ -193,7 +193,7 @@ def _in_ms(readings: FloatArray, carrier: Carrier, images: Times, source: str) -
     values, gains = readings
     unit, how = carrier.unit, ""
     if unit is None:
-        _, stamps_ns, _ = increasing(images, np.arange(len(images.log_ns)), source)
+        _, stamps_ns, _ = without_steps_back(images, np.arange(len(images.log_ns)), source)
         unit = infer_unit(values, stamps_ns / NS_PER_S, source)
         how = f", in {unit.value}, inferred from their size and the frame rate"
     if unit is not ExposureUnit.LOG2_S:

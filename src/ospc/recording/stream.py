@@ -124,7 +124,7 @@ def decoded_ahead(
                     in_progress += decode
                 yield queue.popleft()[0]
         finally:
-            worker.shutdown(wait=True, cancel_futures=True)
+            worker.shutdown(wait=True, cancel_futures=bool(queue))  # at the end, frames may be read later
     if failures:
         raise failures[0]
 

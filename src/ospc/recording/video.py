@@ -23,7 +23,7 @@ from ospc.recording.channel import DEFAULT_CHANNEL, Channel
 from ospc.recording.exposure_lists import read_list
 from ospc.recording.frame import Frame, check_decoded_size, check_size
 from ospc.recording.frame_matching import match_frames
-from ospc.recording.frame_table import FrameTable, table_or_unlisted
+from ospc.recording.frame_table import FrameTable, table_or_placeholder
 from ospc.recording.list_search import TEXT_SUFFIXES, lists_in, only_list
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import StoredRecording
@@ -166,7 +166,7 @@ class _Video:
         # Only the content identifies a video: a playlist could lead the decoder to other files.
         if not self.recognises(path):
             raise RecordingError(f"{path}: is not an MP4, MOV, MKV, WebM or AVI file; convert it to one of these")
-        table = table_or_unlisted(
+        table = table_or_placeholder(
             lambda: read_list(_list_of(path), options, numbered=True),
             str(path),
             lambda: count_frames(path),

@@ -5,17 +5,18 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
+from time import monotonic
 from typing import Any, Generic, TypeVar
 
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 
 _PATIENCE_S = 5
-"""Time that an idle or terminated process has to exit before it is killed."""
+"""Time that idle or terminated processes have to exit before they are killed."""
 
 
 def in_processes(
@@ -51,8 +52,7 @@ def in_processes(
                     raise result
                 yield worker.task, result
     finally:
-        for worker in (*idle, *busy):
-            worker.end(at_once=worker in busy)
+        end(idle, interrupt=busy)
 
 
 class Worker(Generic[_Task]):
@@ -86,15 +86,19 @@ class Worker(Generic[_Task]):
             return f"{name}, perhaps out of memory" if name == "SIGKILL" else name
         return f"signal {-code}"
 
-    def end(self, *, at_once: bool) -> None:
-        """End the process, and interrupt its task if ``at_once``."""
-        self.connection.close()
-        if at_once:
-            self.process.terminate()
-        self.process.join(_PATIENCE_S)
-        if self.process.is_alive():
-            self.process.kill()
-            self.process.join()
+
+def end(idle: Sequence[Worker[_Task]], interrupt: Sequence[Worker[_Task]] = ()) -> None:
+    """End the processes of idle workers, and of others whose tasks are interrupted, all at the same time."""
+    for worker in interrupt:
+        worker.process.terminate()
+    for worker in (*idle, *interrupt):
+        worker.connection.close()
+    deadline_s = monotonic() + _PATIENCE_S
+    for worker in (*idle, *interrupt):
+        worker.process.join(max(0, deadline_s - monotonic()))
+        if worker.process.is_alive():
+            worker.process.kill()
+            worker.process.join()
 
 
 @contextmanager

@@ -93,7 +93,7 @@ def test_a_calibration_is_for_the_grey_values_of_its_photograph_or_recording(pho
 
 def test_black_images_give_usual_curves_and_tiny_ones_none():
     assert "for lack of exposed pixels" in guess(np.zeros((200, 300, 3), np.uint8)).rests_on
-    with pytest.raises(FrameError, match="7x5"):
+    with pytest.raises(FrameError, match="7×5"):
         guess(np.full((5, 7, 3), 90, np.uint8))
 
 

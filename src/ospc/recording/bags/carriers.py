@@ -60,26 +60,24 @@ class Carrier:
     gain_assumed: bool = False
 
     def readings(self) -> Callable[[bytes], tuple[float, float, int] | None]:
-        """Return a function that reads exposure, gain and time stamp in ns (0 for none) from serialised messages.
+        """Return a function that reads serialised messages.
 
         Raises
         ------
         DamagedMessageError
             If the bag does not define the type of the messages.
         """
-        topic = self.topic
-        kind = _type_of(topic)
+        kind = _type_of(self.topic)
+        return lambda data: self.read(kind.decode(data))
 
-        def read(data: bytes) -> tuple[float, float, int] | None:
-            message = kind.decode(data)
-            try:
-                found = self.extract(message)
-                return None if found is None else (*found, stamp_ns_of(message))
-            except (AttributeError, TypeError, ValueError, OverflowError):
-                # The bag may define a known type in another way.
-                raise DamagedMessageError(f"messages of type {quoted(topic.type)} have unexpected fields") from None
-
-        return read
+    def read(self, message: Any) -> tuple[float, float, int] | None:
+        """Return exposure, gain and time stamp in ns (0 for none) of a message; DamagedMessageError if that fails."""
+        try:
+            found = self.extract(message)
+            return None if found is None else (*found, stamp_ns_of(message))
+        except (AttributeError, TypeError, ValueError, OverflowError):
+            # A known type may be defined in another way.
+            raise DamagedMessageError(f"messages of type {quoted(self.topic.type)} have unexpected fields") from None
 
 
 def _type_of(topic: Topic) -> MessageType:

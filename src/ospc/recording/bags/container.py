@@ -101,20 +101,18 @@ class BagFile(ABC):
     def _reader(self, names: Collection[str]) -> Iterator[Any]:
         """Open a reader, and turn errors of the library into a RecordingError that names the file."""
         unread = os_error_as(RecordingError, f"{self.path}: cannot be read", "check the file and its permissions")
-        try:
-            with unread, self._open(names) as reader:
-                yield reader
-        except RecordingError as error:
-            # Inner functions do not know the file.
-            if str(error).startswith(str(self.path)):
+        with unread:
+            try:
+                with self._open(names) as reader:
+                    yield reader
+            except RecordingError as error:  # of inner functions, which do not know the file
+                raise RecordingError(f"{self.path}: {error}; {self._ADVICE}") from None
+            except (OspcError, OSError):
                 raise
-            raise RecordingError(f"{self.path}: {error}; {self._ADVICE}") from None
-        except OspcError:
-            raise
-        except Exception as error:
-            said = message_of(error, _QUOTED_CHARACTERS)
-            why = f" ({said})" if said else ""
-            raise RecordingError(f"{self.path}: the bag is damaged or truncated{why}; {self._ADVICE}") from None
+            except Exception as error:
+                said = message_of(error, _QUOTED_CHARACTERS)
+                why = f" ({said})" if said else ""
+                raise RecordingError(f"{self.path}: the bag is damaged or truncated{why}; {self._ADVICE}") from None
 
 
 def expand(data: bytes, compression: str, size: int | None = None) -> bytes:

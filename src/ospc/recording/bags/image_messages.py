@@ -92,7 +92,7 @@ def image_of(message: Any, name: str, channel: Channel | None = None) -> StoredI
     row_bytes = width * layout.channels * layout.bits // 8
     if not width or not height or step < row_bytes or len(message.data) < step * (height - 1) + row_bytes:
         raise FrameError(
-            f"{name}: its {len(message.data)} bytes are not {width}x{height} pixels of {quoted(encoding)}; remove it"
+            f"{name}: its {len(message.data)} bytes are not {width}×{height} pixels of {quoted(encoding)}; remove it"
         )
     # Without the padding at the ends of rows.
     rows = np.lib.stride_tricks.as_strided(_bytes(message.data), (height, row_bytes), (step, 1), writeable=False)

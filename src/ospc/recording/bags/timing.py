@@ -22,6 +22,9 @@ _LEAST_SHARE = 0.5
 _ONLY_IMAGE_TOLERANCE_NS = 5e8
 """Largest time between an exposure and a single image, which has no frame interval."""
 
+_EQUAL_NS = 1e3
+"""Largest difference of equal time stamps: those of lists are read as floating-point seconds, today to 0.2 µs."""
+
 
 @dataclass(frozen=True)
 class Times:
@@ -88,7 +91,8 @@ def match_times(images: Times, exposures: Times, source: str, what: str = "expos
         if known >= _LEAST_SHARE * len(found):
             notes = [] if way == "time stamp" else [f"{source}: {what}s are matched to images by {way}"]
             if known < len(found):
-                near = f"is within {tolerance_ns / 1e6:.3g} ms" if tolerance_ns else "has the same time stamp"
+                equal = tolerance_ns <= _EQUAL_NS
+                near = "has the same time stamp" if equal else f"is within {tolerance_ns / 1e6:.3g} ms"
                 notes.append(
                     f"{source}: {len(found) - known} of {counted(len(found), 'image')} left out, because no {what} "
                     f"{near}"
@@ -103,7 +107,7 @@ def match_times(images: Times, exposures: Times, source: str, what: str = "expos
 def _nearest(wanted: IntArray, offered: IntArray) -> tuple[IntArray, float]:
     """Return the index of the nearest time, -1 if it is further than half a frame interval, and this tolerance.
 
-    It is 0 if most times are equal: then the others belong to images that were not recorded.
+    It is that of equal times if most are: then the others belong to images that were not recorded.
     """
     order = np.argsort(offered, kind="stable")
     times = offered[order]
@@ -111,19 +115,18 @@ def _nearest(wanted: IntArray, offered: IntArray) -> tuple[IntArray, float]:
     distance = np.abs(times[nearer] - wanted)
     steps = np.diff(np.sort(wanted))
     tolerance_ns = float(np.median(steps)) / 2 if len(steps) else _ONLY_IMAGE_TOLERANCE_NS
-    if np.count_nonzero(distance == 0) >= _LEAST_SHARE * len(wanted):
-        tolerance_ns = 0.0
+    if np.count_nonzero(distance <= _EQUAL_NS) >= _LEAST_SHARE * len(wanted):
+        tolerance_ns = _EQUAL_NS
     found = np.where(distance <= tolerance_ns, order[nearer], -1)
     return found.astype(np.int64), tolerance_ns
 
 
-def increasing(times: Times, messages: IntArray, path: str) -> tuple[IntArray, IntArray, list[str]]:
-    """Return the messages in temporal order, their time stamps in nanoseconds, and notes about those left out."""
+def without_steps_back(times: Times, messages: IntArray, path: str) -> tuple[IntArray, IntArray, list[str]]:
+    """Return the messages later than all before them, their time stamps in nanoseconds, and notes on the others."""
     stamps_ns, notes = times.stamp_ns[messages], []
     if np.any(stamps_ns <= 0):
         stamps_ns = times.log_ns[messages]
         notes.append(f"{path}: some images have no time stamp; using the times at which they were recorded")
-    # An image is kept if it is later than all images before it.
     latest = np.maximum.accumulate(stamps_ns)
     later = np.append(True, stamps_ns[1:] > latest[:-1])[: len(messages)]
     if not later.all():

@@ -13,7 +13,7 @@ from ospc.photometry.correction import checked_exposure
 from ospc.recording.bags.carriers import carrier_of
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import image_of
-from ospc.recording.bags.messages import NS_PER_S, stamp_ns_of
+from ospc.recording.bags.messages import NS_PER_S, DamagedMessageError, stamp_ns_of
 from ospc.recording.channel import DEFAULT_CHANNEL
 from ospc.recording.frame import Frame
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -51,7 +51,7 @@ class RosFrames:
                 "exposures (s, ms, us, …)" if carrier.unit is None else "gains (linear, db, iso; none ignores them)"
             )
             raise ExposureError(f"{exposure_type}: give the unit of its {what}")
-        self._extract, self._unit, self._gain_unit = carrier.extract, carrier.unit, carrier.gain_unit
+        self._carrier, self._unit, self._gain_unit = carrier, carrier.unit, carrier.gain_unit
         self._channel = options.channel
         self._max_grey = max_grey
         self._images: dict[int, Image] = {}
@@ -78,9 +78,12 @@ class RosFrames:
         Raises
         ------
         ExposureError
-            If the message has no exposure, an impossible one, or no time stamp.
+            If the message has no exposure, an impossible one, unexpected fields, or no time stamp.
         """
-        exposure, gain = self._extract(message) or (0.0, 1.0)
+        try:
+            exposure, gain, _ = self._carrier.read(message) or (0.0, 1.0, 0)
+        except DamagedMessageError as error:
+            raise ExposureError(str(error)) from None
         exposure_ms = float(self._unit.to_ms(exposure) * self._gain_unit.linear(gain))
         checked_exposure(exposure_ms, "a message's exposure", "enable the metadata of each frame in the driver")
         return self._paired(message, self._exposures_ms, exposure_ms, ExposureError)

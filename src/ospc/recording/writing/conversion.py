@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -158,13 +158,15 @@ def _write(
 
 
 def _move(stage: Path, place: Path) -> None:
-    """Move the files into place; ``times.txt`` comes last, so that a folder with it is complete."""
-    for name in PARTS:
-        old = place / name
-        if old.is_dir() and not old.is_symlink():
-            shutil.rmtree(old)
-        else:
-            old.unlink(missing_ok=True)
-    for name in PARTS:
-        if (stage / name).exists():
-            (stage / name).rename(place / name)
+    """Exchange the files for those in place, or none of them; a folder with ``times.txt`` is complete at any time."""
+    moves = [(place / name, stage / f"old {name}") for name in reversed(PARTS)]
+    moves += [(stage / name, place / name) for name in PARTS]
+    moves = [(source, target) for source, target in moves if os.path.lexists(source)]
+    try:
+        for source, target in moves:
+            source.rename(target)
+    except BaseException:
+        for source, target in reversed(moves):
+            if os.path.lexists(target) and not os.path.lexists(source):
+                target.rename(source)
+        raise

@@ -9,7 +9,6 @@ like a vignette. The bands are the errors for measured responses and simulated p
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -47,8 +46,8 @@ def calibrate_single_images(recording: Recording) -> Calibration:
     size = recording.size
     if min(size) < MIN_SINGLE_IMAGE_SIDE_PX:
         raise FrameError(
-            f"an image of {size[0]}x{size[1]} pixels is too small; give one of at least "
-            f"{MIN_SINGLE_IMAGE_SIDE_PX}x{MIN_SINGLE_IMAGE_SIDE_PX} pixels"
+            f"an image of {size[0]}×{size[1]} pixels is too small; give one of at least "
+            f"{MIN_SINGLE_IMAGE_SIDE_PX}×{MIN_SINGLE_IMAGE_SIDE_PX} pixels"
         )
     wanted = set(np.linspace(0, len(recording) - 1, MAX_SINGLE_IMAGES).astype(int).tolist())
     images = [frame.image_8_bit for frame in usable_frames(f for f in recording if f.index in wanted)]
@@ -78,11 +77,9 @@ def calibrate_single_images(recording: Recording) -> Calibration:
 
 def _response() -> Response:
     """Return the mean response of typical cameras with its band."""
-    found = Response.from_values(family_of_inverses(256).mean(axis=0), model={"name": "usual"})
-    log_g = np.log(np.maximum(found.inverse_table, np.finfo(float).tiny))
-    log_reference = float(np.log(found.inverse(found.reference_grey)))
-    sigma = np.hypot(MIN_SHAPE_SIGMA, SHAPE_SIGMA * np.abs(log_g - log_reference))
-    return replace(found, log_sigma=sigma, scale_sigma=float(SHAPE_SIGMA * abs(log_reference)))
+    sigma = np.full(256, MIN_SHAPE_SIGMA)
+    usual = Response.from_values(family_of_inverses(256).mean(axis=0), model={"name": "usual"}, log_sigma=sigma)
+    return usual.with_uncertain_exponent(SHAPE_SIGMA)
 
 
 def _vignette(size: ImageSize, images: Sequence[Image], response: Response) -> tuple[PolynomialVignette, str]:
