@@ -146,13 +146,13 @@ class OutputFolder:
     def findings(
         self, calibration: Calibration, recording: Recording | None = None, truth: Photometry | None = None
     ) -> ReportFindings:
-        """Return the findings to draw, with the exposures of a recording or of times.txt, and a reference."""
-        if recording is not None:
-            exposures_ms: FloatArray | None = with_used_exposures(recording, calibration).exposures_ms
-        else:
-            exposures_ms = None
-            with suppress(OspcError):
-                exposures_ms = read_times(self.path / "times.txt").exposures_ms
+        """Return the findings to draw, with a reference and the exposures of times.txt, else those of a recording."""
+        exposures_ms: FloatArray | None = None
+        try:
+            exposures_ms = read_times(self.path / "times.txt").exposures_ms
+        except OspcError:
+            if recording is not None and not calibration.exponent_sigma:
+                exposures_ms = with_used_exposures(recording, calibration).exposures_ms
         return ReportFindings(calibration, exposures_ms, truth)
 
     def draw(
