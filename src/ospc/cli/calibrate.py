@@ -48,12 +48,6 @@ if TYPE_CHECKING:
     from ospc.exposures.lag_choice import LagChoice
     from ospc.formats.opening import Photometry
 
-_IGNORED_WITH = {
-    "--fallback": ("--unknown-exposures", "--mask", "--roi", "--resume", "--start-from"),
-    "--unknown-exposures": ("--resume", "--start-from", "--checkpoint-every", "--correct-lag"),
-}
-"""Options that would have no effect together with another one."""
-
 
 @dataclass(frozen=True)
 class _Request:
@@ -130,19 +124,24 @@ class _Request:
 
     def _refuse_ignored_options(self) -> None:
         """Refuse options that would have no effect together with another one."""
-        given = {
-            "--fallback": self.fallback,
+        resuming = {"--resume": self.resume, "--start-from": self.start_from is not None}
+        guessing = {
             "--unknown-exposures": self.exposures_unknown,
             "--mask": self.reading.mask,
             "--roi": self.reading.region,
-            "--resume": self.resume,
-            "--start-from": self.start_from,
+            "--channel each": self.reading.each_channel,
+            "--all-cameras": self.all_cameras,
+        }
+        estimating = {
             "--checkpoint-every": self.checkpoint_s is not None,
             "--correct-lag": self.correct_lag != "auto",
         }
-        for chosen, others in _IGNORED_WITH.items():
-            ignored = [name for name in others if given[name]]
-            if given[chosen] and ignored:
+        for chosen, is_chosen, others in (
+            ("--fallback", self.fallback, guessing | resuming),
+            ("--unknown-exposures", self.exposures_unknown, resuming | estimating),
+        ):
+            ignored = [name for name, given in others.items() if given]
+            if is_chosen and ignored:
                 raise click.UsageError(f"{chosen} cannot be combined with {' or '.join(ignored)}")
 
     @property
