@@ -91,6 +91,8 @@ def test_each_channel_is_calibrated_on_its_own(bag: Path, tmp_path: Path) -> Non
     options = ("--topic", "/other/image", "--exposure-topic", "/cam/meta", "--channel", "each", "--json")
     told = json.loads(run("calibrate", bag, "-o", out, *options).stdout)
     assert set(told["cameras"]) == {"red", "green", "blue"}
+    assert told["relative_scale"] is None
+    assert not (out / "rig.json").exists()
     for name, cameras in told["cameras"].items():
         assert any(f"the {name} channel of colour images is used" in note for note in cameras["notes"])
         assert (out / name / "calibration.json").is_file()

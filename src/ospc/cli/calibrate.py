@@ -276,7 +276,8 @@ def _calibrate_rig(request: _Request) -> int:
     codes = {content["exit_code"] for content in contents.values()}
     code = next((c for c in (INTERRUPTED, FAILED, UNDETERMINED) if c in codes), COMPLETE)
     scale = None
-    if len(cameras) > 1 and not request.interruption.requested:
+    # Channels of one camera see different light.
+    if len(cameras) > 1 and not request.reading.each_channel and not request.interruption.requested:
         try:
             with leaving("the calibrations were written, but no relative irradiance scale"):
                 scale = add_rig_scale(request.out, written, prints_text=request.prints_text)
