@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -123,7 +122,7 @@ def main() -> None:
     parser.add_argument("--switch", action="store_true", help="Change the camera in mid-film.")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
-    calls: dict[str, Callable[[], Row]] = {}
+    calls: dict[str, partial[Row]] = {}
     for seed in range(arguments.seed, arguments.seed + arguments.films):
         for rate in arguments.rate:
             for camera in arguments.cameras:
