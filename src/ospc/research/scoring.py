@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import ExposureError, counted
 from ospc.evaluation.comparison import compare
-from ospc.evaluation.metrics import Coverage, RatioError, exposure_ratio_error, response_shape_rmse
+from ospc.evaluation.metrics import Coverage, response_shape_rmse
 from ospc.formats.opening import Photometry
 from ospc.methods.paper import Correspondences, irradiance_ratios
 from ospc.photometry.geometry import half_diagonal
@@ -126,10 +127,21 @@ def predicted_ratio(pair: HeldOutPair, response: Response, vignette: Vignette | 
     return float(np.exp(np.median(np.log(irradiance_ratios(pair, response, vignette)))))
 
 
+class RatioError(NamedTuple):
+    """Errors of exposure ratios: the medians of |ln k̂ − ln k| and of (ln k̂ − ln k)·sign(ln k).
+
+    The latter is positive if exposure changes are overestimated.
+    """
+
+    median_abs: float
+    bias: float
+
+
 def prediction_error(pairs: Sequence[HeldOutPair], response: Response, vignette: Vignette | None) -> RatioError:
-    """Return the error of the predicted exposure ratios."""
-    predicted = [predicted_ratio(pair, response, vignette) for pair in pairs]
-    return exposure_ratio_error(predicted, [pair.exposure_ratio for pair in pairs])
+    """Return the errors of the predicted exposure ratios."""
+    log_true = np.log([pair.exposure_ratio for pair in pairs])
+    residual = np.log([predicted_ratio(pair, response, vignette) for pair in pairs]) - log_true
+    return RatioError(float(np.median(np.abs(residual))), float(np.median(residual * np.sign(log_true))))
 
 
 def simulated_pairs(settings: SimulationSettings) -> list[HeldOutPair]:
