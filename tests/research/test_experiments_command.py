@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+
 import pytest
 
 from command_line import ospc
@@ -32,6 +34,16 @@ def test_a_given_recording_is_measured_with_another_programs_calibration(tiny_ro
     again = run(*words)
     assert again.exit_code == 0, again.output
     assert (tmp_path / "out" / "measurements.csv").read_text() == table
+
+
+def test_exposures_of_another_recording_fail_alone(tiny_room, tmp_path):
+    (tmp_path / "theirs.txt").write_text("1\n" * 999)
+    result = run("joint", tiny_room, "-o", tmp_path / "out", "--exposures", f"theirs={tmp_path / 'theirs.txt'}")
+    assert result.exit_code == 0, result.exception
+    with (tmp_path / "out" / "measurements.csv").open() as file:
+        failures = {row["method"]: row["failure"] for row in csv.DictReader(file)}
+    assert failures.pop("theirs").endswith("give one for each frame")
+    assert "" in failures.values()
 
 
 @pytest.mark.parametrize("more", [["--count", 2], ["--calibration", "a=b"], ["--exposures", "a=b"], ["other"]])

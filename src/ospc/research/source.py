@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ospc.errors import FormatError, escaped
+from ospc.errors import ExposureError, FormatError, escaped
 from ospc.formats.dso import read_pcalib, read_vignette
 from ospc.formats.opening import Photometry
 from ospc.photometry.response import Response
@@ -110,7 +110,10 @@ def measurement(
     row = Measurement(source.name, method, group=source.group, factors=source.factors, limits=truth.limits)
     if isinstance(outcome, str):
         return replace(row, failure=outcome)
-    row = replace(row, figures=score(outcome, truth, held_out), curves=curves_of(outcome))
+    try:
+        row = replace(row, figures=score(outcome, truth, held_out), curves=curves_of(outcome))
+    except ExposureError as error:
+        return replace(row, failure=str(error))
     if outcome.calibration is None:
         return row
     verdicts, ratios = outcome.calibration.verdicts, vars(outcome.calibration.exposure_ratios)
