@@ -30,7 +30,7 @@ def test_a_given_recording_is_measured_with_another_programs_calibration(tiny_ro
     table = (tmp_path / "out" / "measurements.csv").read_text()
     assert table.count("\n") == 4
     assert (tmp_path / "out" / "curves-room.png").is_file()
-    monkeypatch.setattr("ospc.research.source._measure", lambda *_: pytest.fail("computed again"))
+    monkeypatch.setattr("ospc.research.source._run_and_judge", lambda *_: pytest.fail("computed again"))
     again = run(*words)
     assert again.exit_code == 0, again.output
     assert (tmp_path / "out" / "measurements.csv").read_text() == table
@@ -68,14 +68,14 @@ def test_a_folder_with_other_files_is_refused_and_unchanged(tiny_room, tmp_path)
 
 
 def test_an_interruption_is_reported_and_finished_results_are_kept(tmp_path, monkeypatch):
-    whole = source._measure
+    whole = source._run_and_judge
 
     def interrupted(recording, methods, progress):
         if recording.name.endswith("1"):
             raise KeyboardInterrupt
         return whole(recording, methods, progress)
 
-    monkeypatch.setattr("ospc.research.source._measure", interrupted)
+    monkeypatch.setattr("ospc.research.source._run_and_judge", interrupted)
     result = run("static", "-o", tmp_path, "--count", 2, "--frames", 6, "--size", "48x36")
     assert result.exit_code == 130
     assert "the same command continues" in result.output

@@ -87,23 +87,25 @@ def measuring_task(source: Source, methods: Methods) -> Task:
     """Return the task of measuring methods on a recording; the task is about the recording."""
     compared = [type(methods).__name__, methods.name]
     depends_on = {"recording": source.describe(), "methods": compared, "made_with": made_with()}
-    return Task(f"{source.name} ({methods.name})", depends_on, partial(_measure, source, methods), source)
+    return Task(f"{source.name} ({methods.name})", depends_on, partial(_run_and_judge, source, methods), source)
 
 
-def _measure(source: Source, methods: Methods, progress: OnProgress) -> list[dict[str, Any]]:
+def _run_and_judge(source: Source, methods: Methods, progress: OnProgress) -> list[dict[str, Any]]:
     outcomes = run_methods(methods.make(source), source.frames(), source.count, progress)
-    return [asdict(found) for found in judge(source, outcomes, source.held_out())]
+    return [asdict(found) for found in judge_outcomes(source, outcomes, source.held_out())]
 
 
-def judge(source: Source, outcomes: Mapping[str, Outcome], held_out: Sequence[HeldOutPair] = ()) -> list[Measurement]:
+def judge_outcomes(
+    source: Source, outcomes: Mapping[str, Outcome], held_out: Sequence[HeldOutPair] = ()
+) -> list[Measurement]:
     """Compare outcomes, by the name of their method, with the truth of a recording."""
     truth = source.truth()
     if any(isinstance(outcome, Estimate) and outcome.exposures is not None for outcome in outcomes.values()):
         truth = replace(truth, exposures_ms=source.exposures_ms())
-    return [measurement(source, method, outcome, truth, held_out) for method, outcome in outcomes.items()]
+    return [judge_outcome(source, method, outcome, truth, held_out) for method, outcome in outcomes.items()]
 
 
-def measurement(
+def judge_outcome(
     source: Source, method: str, outcome: Outcome, truth: Truth, held_out: Sequence[HeldOutPair] = ()
 ) -> Measurement:
     """Compare the outcome of a method on a recording with the truth."""
@@ -125,7 +127,7 @@ def measurement(
     )
 
 
-def measured(stored: Sequence[dict[str, Any]]) -> list[Measurement]:
+def stored_measurements(stored: Sequence[dict[str, Any]]) -> list[Measurement]:
     """Return the measurements from the stored result of a :func:`measuring_task`."""
     return [Measurement(**content) for content in stored]
 
