@@ -90,11 +90,13 @@ def headline(calibration: Calibration) -> str:
     unknown = [name for name, state in states.items() if state == "not identifiable"]
     parts = []
     if known:
-        parts.append(f"The {_listed(known)} of this camera {'is' if len(known) == 1 else 'are'} well determined.")
+        parts.append(f"The {_listed(known)} of this camera {_verb(known)} well determined.")
     if rough:
-        parts.append(f"The {_listed(rough)} {'is' if len(rough) == 1 else 'are'} known only approximately.")
-    if unknown:
-        parts.append(f"This recording does not determine the {_listed(unknown)}; no estimate is given.")
+        parts.append(f"The {_listed(rough)} {_verb(rough)} known only approximately.")
+    if curves := [name for name in unknown if name != "exposures"]:
+        parts.append(f"This recording does not determine the {_listed(curves)}; no estimate is given.")
+    if "exposures" in unknown:
+        parts.append("The exposures could not be confirmed.")
     if calibration.exponent_sigma:
         parts.append(f"{calibration.caveat}, chosen so that the response resembles that of a typical camera.")
     elif calibration.caveat:
@@ -196,6 +198,10 @@ def _percent(share: float, sigma: float | None = None) -> str:
     percent, spread = 100 * share, 100 * (share / 10 if sigma is None else sigma)
     digits = int(np.clip(np.ceil(-np.log10(max(spread, 1e-9))), 0, 3))
     return f"{percent:.{digits}f} %" if sigma is None else f"{percent:.{digits}f} ± {spread:.{digits}f} %"
+
+
+def _verb(names: list[str]) -> str:
+    return "are" if len(names) > 1 or names == ["exposures"] else "is"
 
 
 def _listed(names: list[str]) -> str:
