@@ -44,9 +44,9 @@ from ospc.recording.image_source import is_image_name
 from ospc.settings import Settings, check_names, preset, with_overrides
 
 if TYPE_CHECKING:
+    from ospc.arrays import ImageSize
     from ospc.cli.calibration_result import ResultFolder
     from ospc.exposures.lag_choice import LagChoice
-    from ospc.formats.opening import Photometry
 
 
 @dataclass(frozen=True)
@@ -162,11 +162,13 @@ class _Request:
             raise click.UsageError(str(error)) from None
         return settings
 
-    def result(self, truth: Photometry | None) -> ResultFolder:
-        """Return the folder of the result; refuse one that must not be written to."""
+    def result(self, size: ImageSize) -> ResultFolder:
+        """Return the folder of the result, with the truth; refuse one that must not be written to."""
         from ospc.cli.calibration_result import ResultFolder
+        from ospc.formats.opening import open_photometry
         from ospc.report.output_folder import OutputFolder
 
+        truth = None if self.truth is None else open_photometry(self.truth, size)
         folder = OutputFolder.at(self.out, recording=self.path, force=self.force)
         return ResultFolder(folder, self.interruption, self.quiet, self.as_json, truth)
 
@@ -187,21 +189,17 @@ command = declared("calibrate", exits=EXITS)(_Request)
 
 
 def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[str, Any]:
-    settings, prior, truth = request.settings, None, None
+    settings, prior = request.settings, None
     if request.start_from is not None:
         from ospc.pooling.prior_calibration import PriorCalibration
 
         prior = PriorCalibration.open(request.start_from)
         prior.check_method(settings)
-    if request.truth is not None:
-        from ospc.formats.opening import open_photometry
-
-        truth = open_photometry(request.truth)
     try:
         recording = opened()
     except RecordingError as error:
         if request.fallback is not None:
-            return _guess(request, truth)
+            return _guess(request)
         if request.path.is_file() and is_image_name(request.path.name):
             raise RecordingError(f"{error}, or guess from it alone with --fallback single-image") from None
         raise
@@ -214,7 +212,7 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
 
     if request.rerun_file is not None:
         check_new([request.rerun_file], force=request.force or request.resume)
-    result = request.result(truth)
+    result = request.result(recording.size)
     if request.exposures_unknown:
         from ospc.unknown_exposures import recover_exposures
 
@@ -240,15 +238,16 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
     ).calibrate()
 
 
-def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
+def _guess(request: _Request) -> dict[str, Any]:
     """Guess a calibration from single images; it is never complete."""
     from ospc.cli.calibration_result import CalibrationOutcome
     from ospc.correction.source import open_source
     from ospc.unknown_exposures.single_image.fallback import calibrate_single_images
 
     recording = open_source([request.path], request.reading.kind, request.reading.options).recording
+    result = request.result(recording.size)
     calibration = replace(calibrate_single_images(recording), source={"name": request.path.name})
-    content = request.result(truth).take(CalibrationOutcome(calibration), None, [calibration.caveat])
+    content = result.take(CalibrationOutcome(calibration), None, [calibration.caveat])
     return content | {"rests_on": calibration.rests_on}
 
 

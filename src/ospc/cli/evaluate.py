@@ -115,7 +115,8 @@ def tracking(
     from ospc.formats.opening import open_photometry
     from ospc.recording.derived import with_sensor_depth
 
-    source, photometry = open_source([recording], kind), open_photometry(calibration)
+    source = open_source([recording], kind)
+    photometry = open_photometry(calibration, source.recording.size)
     frames = with_sensor_depth(source.recording, photometry.max_grey)
     check_exposures(frames, photometry.calibration)
     frames = with_used_exposures(frames, photometry.calibration)
