@@ -53,6 +53,17 @@ def test_the_ambiguity_refuses_what_it_would_ignore(more, tiny_room, tmp_path):
     assert "a single recording" in result.output
 
 
+@pytest.mark.parametrize("name", ["count", "size", "speed", "data"])
+def test_options_for_simulated_recordings_are_refused_with_given_ones(name, tiny_room, tmp_path):
+    value = {"size": "64x48", "data": tmp_path}.get(name, 2)
+    given = run("parameters", tiny_room, "-o", tmp_path / "out", f"--{name}", value)
+    assert given.exit_code == 2
+    assert f"--{name} cannot be combined with given recordings" in given.output
+    if name in ("speed", "data"):
+        static = run("static", "-o", tmp_path / "out", f"--{name}", value)
+        assert f"--{name} cannot be combined with a static camera" in static.output
+
+
 def test_recordings_of_one_name_are_refused(tiny_room, tmp_path):
     result = run("parameters", tiny_room, tiny_room, "-o", tmp_path)
     assert isinstance(result.exception, SettingError)

@@ -103,9 +103,11 @@ class _Run:
         from ospc.research.source import GivenSource
 
         if self.recordings:
+            _refuse("given recordings", "count", "size", "speed", "data")
             return [GivenSource.of(place, self.frames) for place in by_name(self.recordings).values()]
         count, frames = self.count or count, self.frames or frames
         if at_rest:
+            _refuse("a static camera", "speed", "data")
             return [*sweeps(count, frames, self.size)]
         return [*stand_ins(count, frames, self.size, self.data, speed=self.speed or speed)]
 
@@ -123,6 +125,13 @@ class _Run:
             response, vignette = (None, None) if curves is None else (curves.response, curves.vignette)
             found[name] = Estimate(response, vignette, exposures=exposures.get(name))
         return found
+
+
+def _refuse(with_what: str, *names: str) -> None:
+    """Refuse options of the command line that would have no effect; one from the environment may remain."""
+    source_of = click.get_current_context().get_parameter_source
+    if ignored := [f"--{name}" for name in names if source_of(name) is click.core.ParameterSource.COMMANDLINE]:
+        raise click.UsageError(f"{' and '.join(ignored)} cannot be combined with {with_what}")
 
 
 for _name, _help in _EXPERIMENTS.items():
