@@ -95,12 +95,15 @@ class OutputFolder:
 
     def remove_partial(self) -> None:
         """Remove the state and the result of an unfinished run, which a complete result replaces."""
-        inner = OutputFolder(self.path / _PARTIAL)
-        if inner.path.is_dir():
-            inner._remove_earlier()
+        OutputFolder(self.path / _PARTIAL).remove()
+
+    def remove(self) -> None:
+        """Remove the state and the result of an earlier run, and the folder unless it has other files."""
+        if self.path.is_dir() and _is_earlier_output(self.path):
+            self._remove_earlier()
             with suppress(OSError):
-                (inner.path / STATE_NAME).unlink(missing_ok=True)
-                inner.path.rmdir()
+                (self.path / STATE_NAME).unlink(missing_ok=True)
+                self.path.rmdir()
 
     def create(self) -> None:
         """Create the folder if it does not exist; FormatError if that fails."""
