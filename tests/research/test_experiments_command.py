@@ -91,7 +91,17 @@ def test_an_interruption_is_reported_and_finished_results_are_kept(tmp_path, mon
     assert result.exit_code == 130
     assert "the same command continues" in result.output
     assert "debevec-malik" in result.output
-    assert len(list((tmp_path / "cache").iterdir())) == 1
+    assert len(list((tmp_path / "cache").glob("static*"))) == 1
+
+
+def test_files_of_an_earlier_run_go_and_those_of_others_stay(tmp_path):
+    few = ["static", "-o", tmp_path, "--frames", 6, "--size", "48x36", "--count"]
+    assert run(*few, 2).exit_code == 0
+    (tmp_path / "curves-mine.csv").write_text("mine")
+    curves = {file.name for file in tmp_path.glob("curves-*")}
+    assert run(*few, 1).exit_code == 0
+    gone = curves - {file.name for file in tmp_path.glob("curves-*")}
+    assert gone == {"curves-static-srgb-1.csv", "curves-static-srgb-1.png"}
 
 
 @pytest.mark.parametrize(
