@@ -21,9 +21,9 @@ from ospc.cli.options import (
     TRUTH,
     argument,
     declared,
-    named,
     option,
     out_option,
+    parse_assignments,
 )
 from ospc.cli.reading import READING_OR_ESTIMATING, Reading, print_topics
 from ospc.cli.rig_scale import RIG_NAME, add_rig_scale
@@ -155,7 +155,7 @@ class _Request:
     @property
     def settings(self) -> Settings:
         try:
-            settings = with_overrides(preset(self.preset_name), named(self.overrides, "max_points=20000"))
+            settings = with_overrides(preset(self.preset_name), parse_assignments(self.overrides, "max_points=20000"))
             if self.overrides:
                 check_names(settings)
         except SettingError as error:

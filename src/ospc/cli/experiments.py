@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ospc.cli.options import STUDY_SIZE, argument, declared, named, option
+from ospc.cli.options import STUDY_SIZE, argument, declared, option, parse_assignments
 from ospc.cli.studies import CALIBRATIONS, DATA, JOBS, by_name, given_calibrations, run_study, study_out_option
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ class _Run:
         from ospc.research.method import Estimate
 
         calibrations = given_calibrations(self.given)
-        files = named(self.estimated, "theirs=times.txt")
+        files = parse_assignments(self.estimated, "theirs=times.txt")
         exposures = {name: dict(enumerate(exposures_in(file))) for name, file in files.items()}
         found: dict[str, Outcome] = {}
         for name in dict.fromkeys([*calibrations, *exposures]):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.options import named, option, out_option
+from ospc.cli.options import option, out_option, parse_assignments
 from ospc.cli.terminal import console, print_json, progress_line, say
 from ospc.errors import SettingError, escaped
 from ospc.formats.files import json_object, json_text, write_text
@@ -84,7 +84,7 @@ def given_calibrations(entries: Iterable[str]) -> dict[str, Photometry]:
     """Open the calibrations of other programs."""
     from ospc.formats.opening import open_photometry
 
-    return {name: open_photometry(files) for name, files in named(entries, _EXAMPLE).items()}
+    return {name: open_photometry(files) for name, files in parse_assignments(entries, _EXAMPLE).items()}
 
 
 def study_cache(out: Path) -> Path:
