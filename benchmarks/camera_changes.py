@@ -34,7 +34,6 @@ _SAME_COLUMNS = (
 )  # fmt: skip
 _SWITCH_COLUMNS = ("camera", "seed", "rate", "change", "false changes", "delay s", "off by s", "called")
 
-
 CHANGES = ("corner -20 %", "another response", "similar response", "exposures 2 late")
 """Changes of the camera."""
 

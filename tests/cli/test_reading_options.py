@@ -20,7 +20,6 @@ from ospc.simulation import SimulationSettings, simulate
 SIZE = (64, 48)
 FRAMES = [cv2.resize(np.random.default_rng(i).integers(0, 255, (6, 8), np.uint8), SIZE) for i in range(4)]
 
-
 run = ospc
 
 

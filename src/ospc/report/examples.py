@@ -30,10 +30,8 @@ _STREAMS = ("video", "rosbag")
 _STREAM_REACH = 300
 """Frames considered in a recording that can only be read from its beginning."""
 
-
 _STILL = 0.98
 """Share of observations within one class of radius above which the camera is considered static."""
-
 
 Pictures: TypeAlias = tuple[tuple[Image, str], ...]
 """Frames of one scene with captions: first as recorded, then without vignette at their longest exposure.
