@@ -69,7 +69,7 @@ class _Run:
             self._show_ambiguity()
             return
         from ospc.research.experiments.design import EXPERIMENTS, experiment_report
-        from ospc.research.source import judge_outcomes, measuring_task, stored_measurements
+        from ospc.research.source import judge, loaded, measuring_task
 
         experiment = EXPERIMENTS[self.name]
         sources = self._sources(*experiment.stand_ins, speed=experiment.speed, at_rest=experiment.at_rest)
@@ -77,11 +77,7 @@ class _Run:
 
         def report(finished: Sequence[Finished]) -> StudyReport:
             done = [task.about for task, _ in finished]
-            rows = [
-                row
-                for task, result in finished
-                for row in (*stored_measurements(result), *judge_outcomes(task.about, others))
-            ]
+            rows = [row for task, result in finished for row in (*loaded(result), *judge(task.about, others))]
             return experiment_report(experiment, done, rows)
 
         tasks = [measuring_task(source, experiment) for source in sources]

@@ -89,10 +89,10 @@ def headline(calibration: Calibration) -> str:
     rough = [name for name, state in states.items() if state == "marginal"]
     unknown = [name for name, state in states.items() if state == "not identifiable"]
     parts = []
-    if known:
-        parts.append(f"The {_listed(known)} of this camera {_verb(known)} well determined.")
-    if rough:
-        parts.append(f"The {_listed(rough)} {_verb(rough)} known only approximately.")
+    for names, said in ((known, "of this camera {} well determined"), (rough, "{} known only approximately")):
+        if names:
+            verb = "is" if names in (["response"], ["vignette"]) else "are"
+            parts.append(f"The {_listed(names)} {said.format(verb)}.")
     if curves := [name for name in unknown if name != "exposures"]:
         parts.append(f"This recording does not determine the {_listed(curves)}; no estimate is given.")
     if "exposures" in unknown:
@@ -198,10 +198,6 @@ def _percent(share: float, sigma: float | None = None) -> str:
     percent, spread = 100 * share, 100 * (share / 10 if sigma is None else sigma)
     digits = int(np.clip(np.ceil(-np.log10(max(spread, 1e-9))), 0, 3))
     return f"{percent:.{digits}f} %" if sigma is None else f"{percent:.{digits}f} ± {spread:.{digits}f} %"
-
-
-def _verb(names: list[str]) -> str:
-    return "are" if len(names) > 1 or names == ["exposures"] else "is"
 
 
 def _listed(names: list[str]) -> str:

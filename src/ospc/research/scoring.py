@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -65,8 +64,7 @@ def score(estimate: Estimate, truth: Truth, held_out: Sequence[HeldOutPair] = ()
         figures |= _shares("response", found.response_coverage)
         figures |= _shares("vignette", found.vignette_coverage)
     if response is not None and held_out:
-        error = prediction_error(held_out, response, vignette)
-        figures |= {"ratio_median_abs": error.median_abs, "ratio_bias": error.bias}
+        figures["ratio_median_abs"], figures["ratio_bias"] = prediction_error(held_out, response, vignette)
     if estimate.exposures is not None:
         figures["exposure_error"] = exposure_error(estimate.exposures, truth.exposures_ms)
     return figures
@@ -127,21 +125,13 @@ def predicted_ratio(pair: HeldOutPair, response: Response, vignette: Vignette | 
     return float(np.exp(np.median(np.log(irradiance_ratios(pair, response, vignette)))))
 
 
-class RatioError(NamedTuple):
-    """Errors of exposure ratios: the medians of |ln k̂ − ln k| and of (ln k̂ − ln k)·sign(ln k).
-
-    The latter is positive if exposure changes are overestimated.
-    """
-
-    median_abs: float
-    bias: float
-
-
-def prediction_error(pairs: Sequence[HeldOutPair], response: Response, vignette: Vignette | None) -> RatioError:
-    """Return the errors of the predicted exposure ratios."""
+def prediction_error(
+    pairs: Sequence[HeldOutPair], response: Response, vignette: Vignette | None
+) -> tuple[float, float]:
+    """Return the medians of |ln k̂ − ln k| and of (ln k̂ − ln k)·sign(ln k), positive if changes are overestimated."""
     log_true = np.log([pair.exposure_ratio for pair in pairs])
     residual = np.log([predicted_ratio(pair, response, vignette) for pair in pairs]) - log_true
-    return RatioError(float(np.median(np.abs(residual))), float(np.median(residual * np.sign(log_true))))
+    return float(np.median(np.abs(residual))), float(np.median(residual * np.sign(log_true)))
 
 
 def simulated_pairs(settings: SimulationSettings) -> list[HeldOutPair]:

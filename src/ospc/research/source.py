@@ -92,20 +92,18 @@ def measuring_task(source: Source, methods: Methods) -> Task:
 
 def _run_and_judge(source: Source, methods: Methods, progress: OnProgress) -> list[dict[str, Any]]:
     outcomes = run_methods(methods.make(source), source.frames(), source.count, progress)
-    return [asdict(found) for found in judge_outcomes(source, outcomes, source.held_out())]
+    return [asdict(found) for found in judge(source, outcomes, source.held_out())]
 
 
-def judge_outcomes(
-    source: Source, outcomes: Mapping[str, Outcome], held_out: Sequence[HeldOutPair] = ()
-) -> list[Measurement]:
+def judge(source: Source, outcomes: Mapping[str, Outcome], held_out: Sequence[HeldOutPair] = ()) -> list[Measurement]:
     """Compare outcomes, by the name of their method, with the truth of a recording."""
     truth = source.truth()
     if any(isinstance(outcome, Estimate) and outcome.exposures is not None for outcome in outcomes.values()):
         truth = replace(truth, exposures_ms=source.exposures_ms())
-    return [judge_outcome(source, method, outcome, truth, held_out) for method, outcome in outcomes.items()]
+    return [judge_one(source, method, outcome, truth, held_out) for method, outcome in outcomes.items()]
 
 
-def judge_outcome(
+def judge_one(
     source: Source, method: str, outcome: Outcome, truth: Truth, held_out: Sequence[HeldOutPair] = ()
 ) -> Measurement:
     """Compare the outcome of a method on a recording with the truth."""
@@ -127,7 +125,7 @@ def judge_outcome(
     )
 
 
-def stored_measurements(stored: Sequence[dict[str, Any]]) -> list[Measurement]:
+def loaded(stored: Sequence[dict[str, Any]]) -> list[Measurement]:
     """Return the measurements from the stored result of a :func:`measuring_task`."""
     return [Measurement(**content) for content in stored]
 

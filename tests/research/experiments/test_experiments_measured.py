@@ -21,7 +21,7 @@ from ospc.research.experiments.sources import stand_ins, sweeps
 from ospc.research.measurement import Measurement
 from ospc.research.method import Estimate, SolversKnowingResponse, paper_variants, run_methods
 from ospc.research.scoring import Truth
-from ospc.research.source import SimulatedSource, judge_outcomes, measuring_task, stored_measurements
+from ospc.research.source import SimulatedSource, judge, loaded, measuring_task
 from ospc.settings import PaperSettings
 
 
@@ -119,8 +119,8 @@ def test_every_experiment_makes_new_methods_and_describes_what_it_varies(source)
 
 def test_joint_estimation_is_compared_with_and_without_truth(tmp_path):
     source = stand_ins(1, 24, (80, 60))[0]
-    rows = stored_measurements(measuring_task(source, EXPERIMENTS["joint"]).compute(lambda _share: None))
-    rows += judge_outcomes(source, {"mine": Estimate(vignette=source.truth().vignette)})
+    rows = loaded(measuring_task(source, EXPERIMENTS["joint"]).compute(lambda _share: None))
+    rows += judge(source, {"mine": Estimate(vignette=source.truth().vignette)})
     assert [row.method for row in rows] == [
         "ours",
         "joint-online-wgt",
@@ -170,7 +170,7 @@ def test_methods_for_a_camera_at_rest_are_run_on_sweeps():
     names = ["debevec-malik", "robertson"]
     assert list(methods) == ["ours", *names]
     del methods["ours"]
-    rows = judge_outcomes(source, run(source, **methods))
+    rows = judge(source, run(source, **methods))
     assert [row.method for row in rows] == names
     assert all(row.figures["response_rmse"] < 0.1 for row in rows)
 
@@ -179,7 +179,7 @@ def test_exposures_of_other_programs_are_read_and_compared(source, tmp_path):
     file = tmp_path / "theirs.txt"
     lines = (f"{f.index} {f.stamp_s} {3 * f.exposure_ms:.9g}\n" for f in source.frames())
     file.write_text("# id stamp exposure\n" + "".join(lines))
-    (row,) = judge_outcomes(source, {"theirs": Estimate(exposures=dict(enumerate(exposures_in(file))))})
+    (row,) = judge(source, {"theirs": Estimate(exposures=dict(enumerate(exposures_in(file))))})
     assert row.figures == {"exposure_error": pytest.approx(0, abs=1e-7)}
     file.write_text("1 x\n")
     with pytest.raises(RecordingError, match="exposure"):
