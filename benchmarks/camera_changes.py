@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -34,7 +33,6 @@ _SAME_COLUMNS = (
     "camera", "seed", "rate", "hours", "false changes", "processed", "processor s", "V", "shape", "kappa", "called",
 )  # fmt: skip
 _SWITCH_COLUMNS = ("camera", "seed", "rate", "change", "false changes", "delay s", "off by s", "called")
-
 
 CHANGES = ("corner -20 %", "another response", "similar response", "exposures 2 late")
 """Changes of the camera."""
@@ -123,7 +121,7 @@ def main() -> None:
     parser.add_argument("--switch", action="store_true", help="Change the camera in mid-film.")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
-    calls: dict[str, Callable[[], Row]] = {}
+    calls: dict[str, partial[Row]] = {}
     for seed in range(arguments.seed, arguments.seed + arguments.films):
         for rate in arguments.rate:
             for camera in arguments.cameras:

@@ -17,7 +17,8 @@ import numpy as np
 
 from ospc import calibrate
 from ospc.research.faults.judging import log_step, step_sigma
-from ospc.simulation import SimulationSettings, frames, truth
+from ospc.research.source import SimulatedSource
+from ospc.simulation import truth
 from random_recordings import measured_responses, recordings
 from results import Row, figures_of, measured, table_of
 
@@ -25,12 +26,12 @@ _COVERAGE = tuple(f"{part}_within_{sigmas}_sigma" for part in ("response", "vign
 _COLUMNS = ("recording", "frames", "response", "vignette", "exposures", "kappa", "V", "step", "step sigma", "said")
 
 
-def row(name: str, settings: SimulationSettings) -> Row:
-    found, response = calibrate(frames(settings)), truth(settings).response
-    figures = figures_of(found, settings)
+def row(source: SimulatedSource) -> Row:
+    found, response = calibrate(source.frames()), truth(source.settings).response
+    figures = figures_of(found, source.settings)
     return {
-        "recording": name,
-        "frames": settings.frames,
+        "recording": source.name,
+        "frames": source.count,
         **{part: verdict.state for part, verdict in found.verdicts.items()},
         "kappa": figures.get("log_ratio_error"),
         "V": figures.get("vignette_rmse"),
@@ -63,7 +64,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, nargs=2, default=(60, 1500), help="Fewest and most frames.")
     arguments = parser.parse_args()
     drawn = recordings(arguments.recordings, arguments.seed, arguments.frames, measured_responses())
-    calls = {one.name: partial(row, one.name, one.settings) for one in drawn}
+    calls = {one.name: partial(row, one) for one in drawn}
     rows = measured(calls, arguments.results, arguments.jobs)
     print(table_of("Recordings without faults", rows, _COLUMNS))
     print(summary(rows))

@@ -25,6 +25,7 @@ from ospc.estimation.fitted import Fitted
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
 from ospc.methods.fit_inputs import FitInputs
 from ospc.research.accuracy.design import moving_sources
+from ospc.research.source import SimulatedSource
 from ospc.simulation import SimulationSettings, frames
 from results import Row, errors, measured, table_of
 
@@ -65,14 +66,15 @@ def bound(inputs: FitInputs, fit: Fit, settings: SimulationSettings) -> dict[str
     return dict(zip(METRICS, (np.sqrt(np.mean(np.square(found), axis=0)) / _STEP).tolist(), strict=True))
 
 
-def row(name: str, settings: SimulationSettings) -> Row:
+def row(source: SimulatedSource) -> Row:
+    settings = source.settings
     calibrator = calibrated(settings)
     inputs = calibrator.inputs()
     assert inputs is not None
     assert inputs.fit is not None
     without = replace(settings, noise="none")
     return {
-        "recording": name,
+        "recording": source.name,
         **errors(calibrator.calibration(), settings),
         **{f"bound {m}": value for m, value in bound(inputs, inputs.fit, settings).items()},
         **errors(calibrated(without).calibration(), without, "no noise "),
@@ -87,7 +89,7 @@ def main() -> None:
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
     moving = list(moving_sources(None, arguments.frames))
-    calls = {f"{s.name} {arguments.frames}": partial(row, s.name, s.settings) for s in moving[:: arguments.every]}
+    calls = {f"{s.name} {arguments.frames}": partial(row, s) for s in moving[:: arguments.every]}
     rows = measured(calls, arguments.results)
     print(table_of("Errors and their bounds", rows, _COLUMNS))
     for metric in METRICS:

@@ -61,7 +61,6 @@ ENDED_WELL = (0, 3)
 SENTENCES = {1: ("ospc: error: ", "OpenBLAS error: Memory allocation still failed"), 4: ("failed: ",)}
 """Beginning of the message for an exit code; OpenBLAS ends the process with its own message if memory runs out."""
 
-
 Command: TypeAlias = tuple[tuple[str, ...], tuple[str, ...]]
 """The arguments of a command, and further ones to continue after it was stopped."""
 

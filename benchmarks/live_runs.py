@@ -35,7 +35,6 @@ _COLUMNS = (
     "command shape", "command kappa", "worst push ms", "dropped", "late", "failure",
 )  # fmt: skip
 
-
 _FRAMES = (400, 2000)
 """Fewest and most frames of a recording."""
 

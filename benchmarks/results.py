@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -11,6 +12,7 @@ from ospc import Calibration
 from ospc.research.method import Estimate
 from ospc.research.runner import ResultStore, Task, made_with, run
 from ospc.research.scoring import Truth, score
+from ospc.research.source import Source
 from ospc.research.tables import Table
 from ospc.simulation import SimulationSettings, truth
 
@@ -18,13 +20,16 @@ Row: TypeAlias = dict[str, Any]
 """One result: JSON-compatible values by name."""
 
 
-def measured(calls: Mapping[str, Callable[[], Row]], folder: Path, jobs: int = 1) -> list[Row]:
-    """Return the results of calls, each of which depends only on its name and the package's source.
+def measured(calls: Mapping[str, partial[Row]], folder: Path, jobs: int = 1) -> list[Row]:
+    """Return the results of calls, which depend on their name, on the recordings that they get, and on the source.
 
     Results already stored in the folder are not computed again. Several jobs need calls that can be pickled.
     """
+    programs = sha256(b"".join(file.read_bytes() for file in sorted(Path(__file__).parent.glob("*.py")))).hexdigest()
+    made = made_with(whole=True) | {"programs": programs}
+    recordings = {n: [each.describe() for each in call.args if isinstance(each, Source)] for n, call in calls.items()}
     tasks = [
-        Task(name, {"call": name, "made_with": made_with(whole=True)}, partial(_called, call))
+        Task(name, {"call": name, "recordings": recordings[name], "made_with": made}, partial(_called, call))
         for name, call in calls.items()
     ]
     found: dict[str, Row] = {}

@@ -146,6 +146,23 @@ def test_a_changed_recording_or_setting_is_processed_again(recordings, tmp_path,
     assert outcome.rows[0].status == "done"
 
 
+def test_a_camera_of_which_nothing_is_learned_any_more_has_no_earlier_result(recordings, tmp_path):
+    place, camera = tmp_path / "r", tmp_path / "out" / "cameras" / "A"
+    shutil.copytree(recordings / "A" / "r0", place)
+    entry = Entry(str(place), "A", QUICK)
+    run_batch([entry], tmp_path / "out", Pretending())
+    (camera / "notes.txt").write_text("mine")
+    run_batch([entry], tmp_path / "out", Pretending(failing={"r": 9}))
+    assert (camera / "calibration.json").exists()
+    lines = [line.split() for line in (place / "times.txt").read_text().splitlines() if line[:1] != "#"]
+    (place / "times.txt").write_text("".join(f"{number} {stamp} 1\n" for number, stamp, _ in lines))
+    missing = [entry, Entry(str(tmp_path / "missing"), "A", QUICK)]
+    assert "nothing could be learned" in run_batch(missing, tmp_path / "out", Pretending()).cameras[0].error
+    assert (camera / "calibration.json").exists()
+    run_batch([entry], tmp_path / "out", Pretending())
+    assert [file.name for file in camera.iterdir()] == ["notes.txt"]
+
+
 def test_failures_are_tried_again_after_all_others(entries, tmp_path):
     runner = Pretending(failing={"r0": 1, "r1": 9})
     outcome = run_batch(entries[:3], tmp_path / "out", runner, retries=2)

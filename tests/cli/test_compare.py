@@ -4,13 +4,14 @@ import json
 
 import pytest
 
-from command_line import ospc
+from command_line import leave_out, ospc
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.lens_profiles import write_lensfun
 from ospc.formats.radial import Optics
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
+from ospc.simulation import SimulationSettings, simulate
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -69,6 +70,22 @@ def test_lensfun_takes_the_image_size_from_the_other_file(folders, tmp_path):
         assert json.loads(run(*pair, "--json"))["unaligned"]["vignette_pixel_rmse"] < 1e-5
     result = ospc("compare", lens, lens)
     assert isinstance(result.exception, SettingError)
+
+
+def test_other_commands_take_it_from_the_recording_or_the_calibration(tmp_path, monkeypatch):
+    leave_out(monkeypatch, "draw", "report")
+    recording, lens, out = tmp_path / "recording", tmp_path / "lens.xml", tmp_path / "out"
+    made = simulate(recording, SimulationSettings(size=(128, 96), frames=12, speed=2.0, exposure="cycle"))
+    write_lensfun(made.vignette, lens, Optics(focal_mm=4.0, crop_factor=6.0, aperture=2.0))
+    for command in (
+        ["calibrate", recording, "-o", out],
+        ["report", out],
+        ["merge", out, "-o", tmp_path / "merged"],
+    ):
+        result = ospc(*command, "--truth", lens)
+        assert result.exit_code in (0, 3), result.exception
+    result = ospc("evaluate", "tracking", recording, "--calibration", lens, "--assume-missing")
+    assert result.exit_code == 0, result.exception
 
 
 def test_repair_is_not_suggested_for_files_of_another_kind(folders, tmp_path):

@@ -20,7 +20,6 @@ from ospc.simulation import SimulationSettings, simulate
 SIZE = (64, 48)
 FRAMES = [cv2.resize(np.random.default_rng(i).integers(0, 255, (6, 8), np.uint8), SIZE) for i in range(4)]
 
-
 run = ospc
 
 
@@ -91,6 +90,8 @@ def test_each_channel_is_calibrated_on_its_own(bag: Path, tmp_path: Path) -> Non
     options = ("--topic", "/other/image", "--exposure-topic", "/cam/meta", "--channel", "each", "--json")
     told = json.loads(run("calibrate", bag, "-o", out, *options).stdout)
     assert set(told["cameras"]) == {"red", "green", "blue"}
+    assert told["relative_scale"] is None
+    assert not (out / "rig.json").exists()
     for name, cameras in told["cameras"].items():
         assert any(f"the {name} channel of colour images is used" in note for note in cameras["notes"])
         assert (out / name / "calibration.json").is_file()

@@ -12,7 +12,6 @@ from ospc.recording import open_recording
 
 SMALL = ["--frames", "4", "--size", "64x48"]
 
-
 run = partial(ospc, "simulate")
 
 

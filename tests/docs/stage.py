@@ -37,7 +37,6 @@ _SMALL = SimulationSettings(
 
 _MESSAGES = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time", "sensor_msgs/msg/Image")
 
-
 QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=2, response_intervals=16, radial_terms=8)
 """The default preset with less computation; the documented behaviour is the same."""
 

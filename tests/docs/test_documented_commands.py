@@ -31,7 +31,6 @@ RUN = [
     if page not in ELSEWHERE and any(not b.not_run and (b.commands or b.language == "python") for b in blocks(page))
 ]
 
-
 FEWER_FRAMES = {"demo": ["--frames", "8"], "simulate": ["--frames", "24", "--size", "192x144"]}
 """Options appended to commands; the last value counts. Other tests use the full number of frames."""
 

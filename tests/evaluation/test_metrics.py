@@ -10,10 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from log_polynomials import log_polynomial
-from ospc.errors import ExposureError, FormatError
+from ospc.errors import FormatError
 from ospc.evaluation.metrics import (
     coverage,
-    exposure_ratio_error,
     log_ratio_error,
     response_rmse,
     response_shape_rmse,
@@ -118,27 +117,6 @@ def test_pixel_error_is_its_definition():
     relative = [v / v[centre].mean() for v in values]
     expected = np.sqrt(np.mean((relative[0] - relative[1]) ** 2))
     assert vignette_pixel_rmse(RasterVignette(values[0]), RasterVignette(values[1])) == pytest.approx(expected, 1e-5)
-
-
-@given(st.floats(0.2, 5.0))
-def test_exposure_ratio_error_of_a_power_is_its_excess(exponent):
-    k = np.exp(np.linspace(-1, 1, 41))
-    error = exposure_ratio_error(k**exponent, k)
-    assert error.median_abs == pytest.approx(abs(exponent - 1) * 0.5, abs=0.03 * abs(exponent - 1) + 1e-12)
-    assert error.bias == pytest.approx((exponent - 1) * 0.5, abs=0.03 * abs(exponent - 1) + 1e-12)
-
-
-def test_exposure_ratio_bias_does_not_depend_on_the_order_of_the_frames():
-    rng = np.random.default_rng(1)
-    k = np.exp(rng.uniform(-1, 1, 200))
-    estimated = k * np.exp(rng.normal(0, 0.1, 200))
-    assert exposure_ratio_error(1 / estimated, 1 / k) == pytest.approx(exposure_ratio_error(estimated, k))
-
-
-def test_exposure_ratios_that_are_none_are_refused():
-    for estimated, metadata in (([], []), ([1.0], [1.0, 2.0]), ([0.0], [1.0]), ([np.nan], [1.0])):
-        with pytest.raises(ExposureError):
-            exposure_ratio_error(estimated, metadata)
 
 
 def test_coverage_of_honest_deviations():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -194,6 +195,13 @@ def test_alignment_error_agrees_with_its_definition(seed):
     assert (error.e_align, error.e_s, error.e_r_deg) == pytest.approx(expected, rel=1e-6)
     assert error.poses == 101
     assert error.unmatched == 0
+
+
+@pytest.mark.parametrize("offset_s", [-0.0005, 0.0005])
+def test_stamps_may_differ_within_the_tolerance(offset_s):
+    truth = wandering(3, count=6)
+    error = alignment_error(replace(truth, stamps_s=truth.stamps_s + offset_s), truth)
+    assert (error.first, error.second, error.unmatched) == (3, 4, 0)  # the pose in the middle counts twice
 
 
 def test_scale_drift_is_the_ratio_of_the_halves_scales():

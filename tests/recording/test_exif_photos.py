@@ -155,7 +155,6 @@ def test_real_overlapping_photographs(real_data: Path) -> None:
 GPS = (0x8825, 4, 1, 8)
 """An entry that links to its own directory."""
 
-
 BEYOND = b"II*\0" + struct.pack("<IH", 8, 0xFFFF)
 """A directory whose entries all lie beyond the end of the data."""
 

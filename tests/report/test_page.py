@@ -166,7 +166,6 @@ CASES = {
     "interrupted": calibration(partial=True),
 }
 
-
 TRUTH = Photometry("truth", Response.gamma(2.1), VIGNETTE)
 FINDINGS = [
     *(ReportFindings(known, EXPOSURES_MS) for known in CASES.values()),

@@ -47,6 +47,20 @@ def test_three_parts_are_listed_with_commas_and_and():
     assert headline(known).startswith("The response, the vignette and the exposures of this camera are well")
 
 
+@pytest.mark.parametrize(
+    ("exposures", "sentence"),
+    [
+        (WELL, "The exposures of this camera are well determined."),
+        (ROUGH, "The exposures are known only approximately."),
+        (LOST, "The exposures could not be confirmed."),
+    ],
+)
+def test_exposures_are_plural_and_not_estimated(exposures, sentence):
+    assert headline(calibration(verdicts={"exposures": exposures})) == sentence
+    others = {"response": LOST, "vignette": LOST}
+    assert sentence in headline(calibration(verdicts=others | {"exposures": exposures}))
+
+
 def fact_text(**changes):
     return " ".join(facts(calibration(**changes)))
 

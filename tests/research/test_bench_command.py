@@ -35,7 +35,7 @@ def test_leaves_tables_figures_and_prints_them(finished):
 def test_a_second_run_computes_nothing(finished, monkeypatch):
     options, out, _ = finished
     before = (out / "results.csv").read_bytes()
-    monkeypatch.setattr("ospc.research.source._measure", lambda *_: pytest.fail("computed again"))
+    monkeypatch.setattr("ospc.research.source._run_and_judge", lambda *_: pytest.fail("computed again"))
     result = invoke(*options)
     assert result.exit_code == 0, result.output
     assert (out / "results.csv").read_bytes() == before
@@ -52,7 +52,7 @@ def test_an_interruption_is_reported_and_finished_results_are_shown(finished, mo
         raise KeyboardInterrupt
 
     options, _, _ = finished
-    monkeypatch.setattr("ospc.research.source._measure", interrupt)
+    monkeypatch.setattr("ospc.research.source._run_and_judge", interrupt)
     result = invoke(*options[:-1], "default,paper")
     assert result.exit_code == 130
     assert "the same command continues" in result.output

@@ -30,26 +30,26 @@ def test_there_are_enough_pairs_with_ratios_on_both_sides(pairs):
 
 
 def test_the_truth_predicts_exactly(pairs):
-    assert prediction_error(pairs, SETTINGS.response, TRUE_VIGNETTE).median_abs < 1e-6
+    assert prediction_error(pairs, SETTINGS.response, TRUE_VIGNETTE)[0] < 1e-6
 
 
 def test_a_wrong_exponent_shows_as_a_bias_of_that_exponent(pairs):
     exponent = 1.1
     squared = PolynomialVignette(SETTINGS.size, (0.0, 0.0, 0.0))
     still = simulated_pairs(STILL)
-    error = prediction_error(still, Response.gamma(2.0 * exponent, 4097), squared)
+    _, bias = prediction_error(still, Response.gamma(2.0 * exponent, 4097), squared)
     typical = np.median(np.abs(np.log([pair.exposure_ratio for pair in still])))
-    assert error.bias == pytest.approx((exponent - 1) * typical, rel=0.02)
+    assert bias == pytest.approx((exponent - 1) * typical, rel=0.02)
 
 
 def test_a_missing_vignette_shows_where_the_camera_turns_only(pairs):
-    assert prediction_error(pairs, SETTINGS.response, None).median_abs > 0.01
+    assert prediction_error(pairs, SETTINGS.response, None)[0] > 0.01
     still = simulated_pairs(STILL)
-    assert prediction_error(still, SETTINGS.response, None).median_abs < 1e-6
+    assert prediction_error(still, SETTINGS.response, None)[0] < 1e-6
 
 
 def test_scale_of_the_response_does_not_matter(pairs):
     table = SETTINGS.response.inverse_table.copy()
     table[-1] = 1.5
     found = prediction_error(pairs, Response.from_values(table), TRUE_VIGNETTE)
-    assert found.median_abs < 1e-6
+    assert found[0] < 1e-6

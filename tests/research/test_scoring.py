@@ -17,7 +17,7 @@ from ospc.photometry.vignette import PolynomialVignette
 from ospc.research.measurement import METRICS, Measurement, medians
 from ospc.research.method import Estimate
 from ospc.research.scoring import Truth, exposure_error, score
-from ospc.research.source import SimulatedSource, measurement
+from ospc.research.source import SimulatedSource, judge_one
 from ospc.simulation import SimulationSettings
 
 SIZE = (64, 48)
@@ -63,7 +63,7 @@ def test_the_truth_itself_is_judged_by_its_predictions_alone():
 
 
 def test_verdicts_and_the_place_in_the_study_are_kept():
-    row = measurement(SOURCE, "m", Estimate.of(calibration()), TRUTH)
+    row = judge_one(SOURCE, "m", Estimate.of(calibration()), TRUTH)
     assert (row.recording, row.method, row.group, row.factors) == ("a", "m", "simulated", {"noise": "low"})
     assert row.states == {"response": "identifiable"}
     assert row.reasons == {"response": "well seen"}
@@ -73,11 +73,11 @@ def test_verdicts_and_the_place_in_the_study_are_kept():
 
 
 def test_failures_and_empty_results_are_problems():
-    assert measurement(SOURCE, "m", "it is too dark", TRUTH).problem == "it is too dark"
-    empty = measurement(SOURCE, "m", Estimate(), TRUTH)
+    assert judge_one(SOURCE, "m", "it is too dark", TRUTH).problem == "it is too dark"
+    empty = judge_one(SOURCE, "m", Estimate(), TRUTH)
     assert "neither response nor vignette" in empty.problem
     reasons = {"response": Verdict("not identifiable", "exposures do not change")}
-    unsure = measurement(SOURCE, "m", Estimate.of(Calibration(SIZE, verdicts=reasons)), TRUTH)
+    unsure = judge_one(SOURCE, "m", Estimate.of(Calibration(SIZE, verdicts=reasons)), TRUTH)
     assert unsure.problem == "exposures do not change"
 
 
@@ -120,7 +120,7 @@ def test_exposures_are_compared_up_to_a_factor():
 
 
 def test_measurements_survive_the_way_through_json():
-    row = measurement(SOURCE, "m", Estimate.of(calibration(sigma=0.1)), TRUTH)
+    row = judge_one(SOURCE, "m", Estimate.of(calibration(sigma=0.1)), TRUTH)
     assert Measurement(**asdict(row)) == row
 
 

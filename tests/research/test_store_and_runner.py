@@ -10,7 +10,7 @@ from fake_tasks import deadly_task, fake_task
 from ospc.errors import FrameError, OspcError, SettingError
 from ospc.research import runner as runner_module
 from ospc.research.runner import ResultStore, key_of, made_with, run
-from ospc.research.source import measured
+from ospc.research.source import loaded
 
 
 def test_what_is_stored_is_found_only_under_its_description(tmp_path):
@@ -96,7 +96,7 @@ def test_several_processes_give_the_same(tmp_path):
     assert {task.name: result for task, result in results} == {
         task.name: task.compute(lambda _share: None) for task in tasks
     }
-    assert {row.figures["response_shape_rmse"] for _, result in results for row in measured(result)} == {0.1, 0.2}
+    assert {row.figures["response_shape_rmse"] for _, result in results for row in loaded(result)} == {0.1, 0.2}
 
 
 def test_a_process_that_dies_ends_the_study_with_a_reason(tmp_path):

@@ -29,7 +29,6 @@ SMALL = {"points_per_pair": 80, "max_points": 1500, "keyframes": 6, "response_in
 QUICK = replace(DefaultSettings(), rounds=2, **SMALL)
 NUMBERS = [-1, 0, 2**62, 10**400, 1e300, -1e300, "nan", "inf", "1e999", None, True, [], {}, "x"]
 
-
 MOTIONS = ["handheld", "static"]
 
 

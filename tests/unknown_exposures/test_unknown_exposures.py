@@ -12,20 +12,23 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from command_line import leave_out
+from command_line import leave_out, ospc
 from ospc.calibrator import calibrate
 from ospc.cli.main import cli
-from ospc.errors import NotObservableError, RecordingError
+from ospc.errors import ExposureError, NotObservableError, RecordingError
 from ospc.exposures.estimated import labelled
+from ospc.exposures.used import check_exposures
 from ospc.formats.dso import CAVEAT
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
 from ospc.recording import ArrayRecording, Recording, open_recording
-from ospc.recording.derived import Region, masked
+from ospc.recording.derived import DerivedRecording, Region, masked
+from ospc.recording.exposure_lists import read_times
 from ospc.recording.frame import Frame
 from ospc.recording.options import ReadingOptions
 from ospc.report.charts import ReportFindings
+from ospc.report.examples import examples_of
 from ospc.report.output_folder import OutputFolder
 from ospc.report.pictures import figure_of
 from ospc.settings.unknown_exposures import EXPONENT_SIGMA, OBSERVED_OFFSETS_PX, RESPONSE_SAMPLES
@@ -154,6 +157,38 @@ def test_the_label_is_in_the_calibration_and_survives_saving(found: Calibration,
     del content["exponent_sigma"]
     (tmp_path / "calibration.json").write_text(json.dumps(content))
     assert Calibration.load(tmp_path).exponent_sigma == 0
+
+
+def test_only_the_exposures_that_were_estimated_are_used_with_the_calibration(
+    recovered: Recording, found: Calibration, tmp_path: Path
+) -> None:
+    stated_ms = truth(SETTINGS).exposures_ms[recovered.frames]
+    stated = DerivedRecording.of(recovered, np.arange(len(recovered)), stated_ms, note="as stated")
+    out = OutputFolder.at(tmp_path)
+    out.write(found, recovered)
+    np.testing.assert_array_equal(out.findings(found, stated).exposures_ms, recovered.exposures_ms)
+    (captions, *_) = ([caption for _, caption in scene] for scene in examples_of(found, recovered).pictures)
+    assert all(", exposure " in caption and " ms" not in caption for caption in captions)
+    refused = examples_of(found, stated)
+    assert refused.pictures == ()
+    assert "do not fit the calibration" in refused.notes[0]
+    written = read_times(tmp_path / "times.txt").exposures_ms
+    check_exposures(DerivedRecording.of(stated, np.arange(len(stated)), written, note="estimated"), found)
+
+
+def test_commands_refuse_other_exposures_than_the_estimated_ones(tmp_path: Path) -> None:
+    recording = simulate(tmp_path / "walk", replace(SETTINGS, frames=4)).path
+    known = truth(SETTINGS)
+    Calibration(SETTINGS.size, known.response, known.vignette, exponent_sigma=0.3).save(tmp_path / "calibration.json")
+    correct = ("correct", recording, tmp_path, "-o", tmp_path / "out")
+    for command in (
+        [*correct, "--normalise-exposure"],
+        ["evaluate", "tracking", recording, "--calibration", tmp_path],
+    ):
+        result = ospc(*command)
+        assert isinstance(result.exception, ExposureError)
+        assert "do not fit the calibration" in str(result.exception)
+    assert ospc(*correct).exit_code == 0
 
 
 def test_the_exponent_is_that_of_the_mean_response() -> None:

@@ -80,16 +80,19 @@ def folder_name(camera: str) -> str:
 def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camera:
     done = [row for row in rows if row.status == "done"]
     camera = Camera(name, recordings=len(rows), failed=sum(row.status == "failed" for row in rows))
+    place = OutputFolder(folder / "cameras" / folder_name(name))
     try:
         found = [(row, store.get(row.key).summary) for row in done]
         # Recordings in different folders may have the same name; their paths are unique.
         named = [replace(summary, name=row.recording) for row, summary in found if summary is not None]
         pool, others = largest_alike(named)
         if not len(pool):
+            if len(done) == len(rows):  # otherwise, the earlier result may still be right
+                place.remove()
             why = "nothing could be learned from its recordings" if done else "no recording could be processed"
             return replace(camera, error=why)
         merged = merge(pool)
-        place = OutputFolder.at(folder / "cameras" / folder_name(name), force=True)
+        place = OutputFolder.at(place.path, force=True)
         calibration = replace(merged.calibration, source=merged.calibration.source | {"name": name})
         written = place.write(calibration) + place.report(place.findings(calibration))
         pool.save(place.path / STATE_NAME)

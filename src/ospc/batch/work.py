@@ -28,7 +28,6 @@ from ospc.system.processes import in_processes
 _MOST_FILES = 2_000_000
 """Most files of a recording whose names and sizes enter its key; far more than any recording has."""
 
-
 Work: TypeAlias = Literal["identify", "calibrate"]
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ospc.cli.interruption import Interruption, leaving
-from ospc.cli.options import AS_JSON, QUIET, argument, declared, named, option, out_option
+from ospc.cli.options import AS_JSON, QUIET, argument, declared, option, out_option, parse_assignments
 from ospc.cli.terminal import COMPLETE, INTERRUPTED, UNDETERMINED, print_json, progress_line, say, say_notes
 from ospc.errors import SettingError, counted
 
@@ -76,7 +76,7 @@ def command(
         raise click.UsageError("--jobs applies to this machine and --scheduler to a cluster; use only one of them")
     left_out: list[str] = []
     found = read_manifest(manifest, camera, left_out.append)
-    defaults = named(options, "rounds=4")
+    defaults = parse_assignments(options, "rounds=4")
     try:
         Entry("--set", options=tuple(defaults.items())).checked()
     except SettingError as error:

@@ -34,7 +34,7 @@ def accuracy(
     """
     from ospc.research.accuracy.design import PresetMethods, accuracy_sources, select
     from ospc.research.accuracy.report import accuracy_report
-    from ospc.research.source import measured, measuring_task
+    from ospc.research.source import loaded, measuring_task
 
     sources, notes = accuracy_sources(data, frames)
     chosen = select({source.name: source for source in sources}, only)
@@ -42,7 +42,7 @@ def accuracy(
         [measuring_task(source, PresetMethods(name)) for name in presets for source in chosen],
         out,
         jobs,
-        lambda finished: accuracy_report([row for _, result in finished for row in measured(result)], presets, notes),
+        lambda finished: accuracy_report([row for _, result in finished for row in loaded(result)], presets, notes),
         as_json=as_json,
     )
 

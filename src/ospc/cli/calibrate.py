@@ -21,9 +21,9 @@ from ospc.cli.options import (
     TRUTH,
     argument,
     declared,
-    named,
     option,
     out_option,
+    parse_assignments,
 )
 from ospc.cli.reading import READING_OR_ESTIMATING, Reading, print_topics
 from ospc.cli.rig_scale import RIG_NAME, add_rig_scale
@@ -44,15 +44,9 @@ from ospc.recording.image_source import is_image_name
 from ospc.settings import Settings, check_names, preset, with_overrides
 
 if TYPE_CHECKING:
+    from ospc.arrays import ImageSize
     from ospc.cli.calibration_result import ResultFolder
     from ospc.exposures.lag_choice import LagChoice
-    from ospc.formats.opening import Photometry
-
-_IGNORED_WITH = {
-    "--fallback": ("--unknown-exposures", "--mask", "--roi", "--resume", "--start-from"),
-    "--unknown-exposures": ("--resume", "--start-from", "--checkpoint-every", "--correct-lag"),
-}
-"""Options that would have no effect together with another one."""
 
 
 @dataclass(frozen=True)
@@ -130,19 +124,24 @@ class _Request:
 
     def _refuse_ignored_options(self) -> None:
         """Refuse options that would have no effect together with another one."""
-        given = {
-            "--fallback": self.fallback,
+        resuming = {"--resume": self.resume, "--start-from": self.start_from is not None}
+        guessing = {
             "--unknown-exposures": self.exposures_unknown,
             "--mask": self.reading.mask,
             "--roi": self.reading.region,
-            "--resume": self.resume,
-            "--start-from": self.start_from,
+            "--channel each": self.reading.each_channel,
+            "--all-cameras": self.all_cameras,
+        }
+        estimating = {
             "--checkpoint-every": self.checkpoint_s is not None,
             "--correct-lag": self.correct_lag != "auto",
         }
-        for chosen, others in _IGNORED_WITH.items():
-            ignored = [name for name in others if given[name]]
-            if given[chosen] and ignored:
+        for chosen, is_chosen, others in (
+            ("--fallback", self.fallback, guessing | resuming),
+            ("--unknown-exposures", self.exposures_unknown, resuming | estimating),
+        ):
+            ignored = [name for name, given in others.items() if given]
+            if is_chosen and ignored:
                 raise click.UsageError(f"{chosen} cannot be combined with {' or '.join(ignored)}")
 
     @property
@@ -156,18 +155,20 @@ class _Request:
     @property
     def settings(self) -> Settings:
         try:
-            settings = with_overrides(preset(self.preset_name), named(self.overrides, "max_points=20000"))
+            settings = with_overrides(preset(self.preset_name), parse_assignments(self.overrides, "max_points=20000"))
             if self.overrides:
                 check_names(settings)
         except SettingError as error:
             raise click.UsageError(str(error)) from None
         return settings
 
-    def result(self, truth: Photometry | None) -> ResultFolder:
-        """Return the folder of the result; refuse one that must not be written to."""
+    def result(self, size: ImageSize) -> ResultFolder:
+        """Return the folder of the result, with the truth; refuse one that must not be written to."""
         from ospc.cli.calibration_result import ResultFolder
+        from ospc.formats.opening import open_photometry
         from ospc.report.output_folder import OutputFolder
 
+        truth = None if self.truth is None else open_photometry(self.truth, size)
         folder = OutputFolder.at(self.out, recording=self.path, force=self.force)
         return ResultFolder(folder, self.interruption, self.quiet, self.as_json, truth)
 
@@ -188,21 +189,17 @@ command = declared("calibrate", exits=EXITS)(_Request)
 
 
 def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[str, Any]:
-    settings, prior, truth = request.settings, None, None
+    settings, prior = request.settings, None
     if request.start_from is not None:
         from ospc.pooling.prior_calibration import PriorCalibration
 
         prior = PriorCalibration.open(request.start_from)
         prior.check_method(settings)
-    if request.truth is not None:
-        from ospc.formats.opening import open_photometry
-
-        truth = open_photometry(request.truth)
     try:
         recording = opened()
     except RecordingError as error:
         if request.fallback is not None:
-            return _guess(request, truth)
+            return _guess(request)
         if request.path.is_file() and is_image_name(request.path.name):
             raise RecordingError(f"{error}, or guess from it alone with --fallback single-image") from None
         raise
@@ -215,7 +212,7 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
 
     if request.rerun_file is not None:
         check_new([request.rerun_file], force=request.force or request.resume)
-    result = request.result(truth)
+    result = request.result(recording.size)
     if request.exposures_unknown:
         from ospc.unknown_exposures import recover_exposures
 
@@ -241,15 +238,16 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
     ).calibrate()
 
 
-def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
+def _guess(request: _Request) -> dict[str, Any]:
     """Guess a calibration from single images; it is never complete."""
     from ospc.cli.calibration_result import CalibrationOutcome
     from ospc.correction.source import open_source
     from ospc.unknown_exposures.single_image.fallback import calibrate_single_images
 
     recording = open_source([request.path], request.reading.kind, request.reading.options).recording
+    result = request.result(recording.size)
     calibration = replace(calibrate_single_images(recording), source={"name": request.path.name})
-    content = request.result(truth).take(CalibrationOutcome(calibration), None, [calibration.caveat])
+    content = result.take(CalibrationOutcome(calibration), None, [calibration.caveat])
     return content | {"rests_on": calibration.rests_on}
 
 
@@ -277,7 +275,8 @@ def _calibrate_rig(request: _Request) -> int:
     codes = {content["exit_code"] for content in contents.values()}
     code = next((c for c in (INTERRUPTED, FAILED, UNDETERMINED) if c in codes), COMPLETE)
     scale = None
-    if len(cameras) > 1 and not request.interruption.requested:
+    # Channels of one camera see different light.
+    if len(cameras) > 1 and not request.reading.each_channel and not request.interruption.requested:
         try:
             with leaving("the calibrations were written, but no relative irradiance scale"):
                 scale = add_rig_scale(request.out, written, prints_text=request.prints_text)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ospc.cli.options import STUDY_SIZE, argument, declared, named, option
+from ospc.cli.options import STUDY_SIZE, argument, declared, option, parse_assignments
 from ospc.cli.studies import CALIBRATIONS, DATA, JOBS, by_name, given_calibrations, run_study, study_out_option
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class _Run:
             self._show_ambiguity()
             return
         from ospc.research.experiments.design import EXPERIMENTS, experiment_report
-        from ospc.research.source import judge, measured, measuring_task
+        from ospc.research.source import judge, loaded, measuring_task
 
         experiment = EXPERIMENTS[self.name]
         sources = self._sources(*experiment.stand_ins, speed=experiment.speed, at_rest=experiment.at_rest)
@@ -77,7 +77,7 @@ class _Run:
 
         def report(finished: Sequence[Finished]) -> StudyReport:
             done = [task.about for task, _ in finished]
-            rows = [row for task, result in finished for row in (*measured(result), *judge(task.about, others))]
+            rows = [row for task, result in finished for row in (*loaded(result), *judge(task.about, others))]
             return experiment_report(experiment, done, rows)
 
         tasks = [measuring_task(source, experiment) for source in sources]
@@ -99,9 +99,11 @@ class _Run:
         from ospc.research.source import GivenSource
 
         if self.recordings:
+            _refuse("given recordings", "count", "size", "speed", "data")
             return [GivenSource.of(place, self.frames) for place in by_name(self.recordings).values()]
         count, frames = self.count or count, self.frames or frames
         if at_rest:
+            _refuse("a static camera", "speed", "data")
             return [*sweeps(count, frames, self.size)]
         return [*stand_ins(count, frames, self.size, self.data, speed=self.speed or speed)]
 
@@ -111,7 +113,7 @@ class _Run:
         from ospc.research.method import Estimate
 
         calibrations = given_calibrations(self.given)
-        files = named(self.estimated, "theirs=times.txt")
+        files = parse_assignments(self.estimated, "theirs=times.txt")
         exposures = {name: dict(enumerate(exposures_in(file))) for name, file in files.items()}
         found: dict[str, Outcome] = {}
         for name in dict.fromkeys([*calibrations, *exposures]):
@@ -119,6 +121,13 @@ class _Run:
             response, vignette = (None, None) if curves is None else (curves.response, curves.vignette)
             found[name] = Estimate(response, vignette, exposures=exposures.get(name))
         return found
+
+
+def _refuse(with_what: str, *names: str) -> None:
+    """Refuse options of the command line that would have no effect; one from the environment may remain."""
+    source_of = click.get_current_context().get_parameter_source
+    if ignored := [f"--{name}" for name in names if source_of(name) is click.core.ParameterSource.COMMANDLINE]:
+        raise click.UsageError(f"{' and '.join(ignored)} cannot be combined with {with_what}")
 
 
 for _name, _help in _EXPERIMENTS.items():

@@ -16,7 +16,6 @@ _Mode = Literal["at once", "deferred", "held"]
 _SAME_S = 2.0
 """Signals within this many seconds count as one request: keys repeat, and the first may be handled late."""
 
-
 _HANG_UP = getattr(signal, "SIGHUP", None)
 """Sent when the terminal is closed; None on systems without it."""
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -76,20 +76,21 @@ def command(
     if no_page and (port or no_browser):
         raise click.UsageError("--port and --no-browser apply to the page; leave out --no-page")
     with leaving("no result was written"), ExitStack() as stack:
-        recording, frames, identity, found = stack.enter_context(_opened(source, reading, pace))
+        film = stack.enter_context(_opened(source, reading, pace))
+        recording = film.recording
         folder = OutputFolder.at(out, recording=None if recording is None else Path(source), force=force)
         if not (quiet or as_json):
-            say_notes(found)
+            say_notes(film.notes)
         aim = goal or GOAL
         if recording is not None:
             correct_lag = lag_choice_for(recording, correct_lag)
-        live = stack.enter_context(LiveCalibrator(correct_lag=correct_lag, goal=aim, source=identity))
+        live = stack.enter_context(LiveCalibrator(correct_lag=correct_lag, goal=aim, source=film.about))
         capture = Capture(live, ends=goal > 0, out=str(out))
         if not no_page:
             _show_page(stack, capture, port, browser=not no_browser)
         try:
             result = ResultFolder(folder, interruption, quiet, as_json, times=capture)
-            content = _captured(capture, recording, frames, result)
+            content = _captured(capture, recording, film.frames, result)
         except OspcError as error:
             capture.stage, capture.message = "failed", str(error)
             raise
@@ -100,25 +101,32 @@ def command(
     return concluded(content, as_json=as_json)
 
 
+class _Film(NamedTuple):
+    """Frames with their identification and notes; the recording is None for those of a camera."""
+
+    recording: Recording | None
+    frames: Iterable[Frame]
+    about: dict[str, Any]
+    notes: Iterable[str]
+
+
 @contextmanager
-def _opened(
-    source: str, reading: Reading, pace: float
-) -> Iterator[tuple[Recording | None, Iterable[Frame], dict[str, Any], Iterable[str]]]:
-    """Open the recording of that name, otherwise a camera; yield the recording, frames, identification and notes."""
+def _opened(source: str, reading: Reading, pace: float) -> Iterator[_Film]:
+    """Open the recording of that name, otherwise a camera."""
     from ospc.live.capture import replayed
     from ospc.recording.live import open_camera
 
     place = Path(source)
     if place.exists():
         recording = reading.open(place)
-        yield recording, replayed(recording, pace), identity(recording), recording.notes
+        yield _Film(recording, replayed(recording, pace), identity(recording), recording.notes)
         return
     if reading.mask is not None or reading.region is not None or reading.each_channel or reading.kind is not None:
         raise click.UsageError("--kind, --mask, --roi and --channel each apply to recordings only, not to cameras")
     if place.name != source:
         raise OspcError(f"{source}: does not exist; give a recording, or a camera such as opencv:0")
     with open_camera(source, reading.options) as camera:
-        yield None, camera, {"kind": "camera", "name": camera.name}, camera.notes
+        yield _Film(None, camera, {"kind": "camera", "name": camera.name}, camera.notes)
 
 
 def _show_page(stack: ExitStack, capture: Capture, port: int, *, browser: bool) -> None:

@@ -41,7 +41,6 @@ _COMMANDS = {
 }
 """Commands and their lines in the overview; each module has the name of its command, keywords with a ``_``."""
 
-
 _LEAST_MEMORY_MIB = 1024
 """Address space below which OpenBLAS may end the process or hang, instead of raising an error."""
 _MALLOC = {

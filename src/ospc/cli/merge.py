@@ -50,7 +50,6 @@ def command(
     from ospc.pooling.pool import Pool, merge
     from ospc.report.output_folder import OutputFolder
 
-    known = None if truth is None else open_photometry(truth)
     folder = OutputFolder.at(out, force=force)
     _check_kept(states, folder)
     given = [(place, _summaries(place)) for place in states]
@@ -63,6 +62,7 @@ def command(
     differing = list(merged.agreement.differing.values())
     repeated = len(found) - len(pool.summaries)
     notes = [f"{repeated} of {counted(len(found), 'state')} left out, because each recording counts once"]
+    known = None if truth is None else open_photometry(truth, merged.calibration.size)
     result = ResultFolder(folder, interruption, quiet, as_json, known)
     content = result.take(CalibrationOutcome(merged.calibration), pool.save, notes if repeated else ())
     if not as_json:

@@ -177,7 +177,7 @@ def _picture(plot: Path | None, *, force: bool) -> Path | None:
     return plot
 
 
-def named(entries: Iterable[str], example: str) -> dict[str, str]:
+def parse_assignments(entries: Iterable[str], example: str) -> dict[str, str]:
     """Return entries NAME=VALUE as a dictionary; the usage error shows the example."""
     found: dict[str, str] = {}
     for entry in entries:

@@ -38,7 +38,7 @@ def command(
         raise click.UsageError("options for reading a recording need --recording")
     frames = None if recording is None else reading.open(recording)
     about = "" if frames is None else _checked(frames, calibration)
-    known = None if truth is None else open_photometry(truth)
+    known = None if truth is None else open_photometry(truth, calibration.size)
     place = OutputFolder(folder)
     written = place.report(place.findings(calibration, frames, known), frames, about=about)
     say_notes([about] if about else [], "warning")

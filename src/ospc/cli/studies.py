@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.options import named, option, out_option
+from ospc.cli.options import option, out_option, parse_assignments
 from ospc.cli.terminal import console, print_json, progress_line, say
 from ospc.errors import SettingError, escaped
+from ospc.formats.files import json_object, json_text, write_text
 from ospc.system.folders import Content, check_usable
 
 if TYPE_CHECKING:
@@ -82,7 +84,7 @@ def given_calibrations(entries: Iterable[str]) -> dict[str, Photometry]:
     """Open the calibrations of other programs."""
     from ospc.formats.opening import open_photometry
 
-    return {name: open_photometry(files) for name, files in named(entries, _EXAMPLE).items()}
+    return {name: open_photometry(files) for name, files in parse_assignments(entries, _EXAMPLE).items()}
 
 
 def study_cache(out: Path) -> Path:
@@ -126,8 +128,16 @@ def _content(place: Path) -> Content:
 
 
 def _present(report: StudyReport, out: Path, *, as_json: bool) -> None:
-    """Write a report, and print it, as tables or JSON."""
+    """Write a report instead of the files that an earlier run has listed, and print it, as tables or JSON."""
+    listing = out / _CACHE / "files.json"
+    earlier = json_object(listing)
     written = report.write(out)
+    names = dict.fromkeys(file.name for file in written)
+    for name in earlier.keys() - names.keys():
+        with suppress(OSError):
+            (out / Path(name).name).unlink()
+    if names != earlier:
+        write_text(listing, json_text(names) + "\n")
     if as_json:
         print_json(report.content)
     else:

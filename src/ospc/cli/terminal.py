@@ -25,7 +25,6 @@ COMPLETE, FAILED, UNDETERMINED, INTERRUPTED = 0, 1, 3, 130
 """Exit codes: everything is identifiable without warnings; an error; something is not identifiable, or there is a
 warning; and 128 + SIGINT after Ctrl-C, as shells expect."""
 
-
 EXITS = {
     COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
     FAILED: "error; a partial result is written if possible",

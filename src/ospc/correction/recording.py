@@ -16,7 +16,7 @@ from ospc.correction.settings import CorrectionSettings
 from ospc.correction.source import Source, ids_for
 from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
 from ospc.exposures.table import range_in_words
-from ospc.exposures.used import use_of_exposures, with_used_exposures, without_gaps
+from ospc.exposures.used import check_exposures, use_of_exposures, with_used_exposures, without_gaps
 from ospc.formats.dso import parameter_files, write_times
 from ospc.formats.image_header import JPEG_START, WITH_METADATA, read_header
 from ospc.formats.opening import Photometry
@@ -121,14 +121,16 @@ def correct_recording(
     NotObservableError
         If response or vignette is unknown, unless ``settings.assume_missing``.
     ExposureError
-        If exposures are to be normalised but are unknown.
+        If exposures are to be normalised but are unknown or do not fit the calibration.
     RecordingError
         If no image can be read.
     """
     recording = with_sensor_depth(source.recording, photometry.max_grey)
     corrector = corrector_for(recording, photometry, assume_missing=settings.assume_missing)
-    if source.unexposed is not None and settings.normalise_exposure:
-        raise ExposureError(f"{source.unexposed}; or leave out --normalise-exposure, which needs exposures")
+    if settings.normalise_exposure:
+        if source.unexposed is not None:
+            raise ExposureError(f"{source.unexposed}; or leave out --normalise-exposure, which needs exposures")
+        check_exposures(recording, photometry.calibration)
     known = with_used_exposures(recording, photometry.calibration)
     exposures_ms = known.exposures_ms
     settings = settings.for_images(recording.max_grey, exposures_ms)

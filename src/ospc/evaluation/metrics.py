@@ -1,4 +1,4 @@
-"""Metrics: errors of an estimated response, vignette or exposure ratio against the truth.
+"""Metrics: errors of an estimated response or vignette against the truth.
 
 Curves are normalised to g(0) = 0, g(255) = 1, and V = 1 at the centre. No metric aligns by an exponent.
 """
@@ -11,22 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, FormatError
+from ospc.errors import FormatError
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
 from ospc.settings.evaluation import CENTRE_BINS, METRIC_GREYS, PROFILE_BINS, RANDOM_PAIRS
 from ospc.settings.fit import RATIO_BRIGHTEST_GREY, RATIO_DARKEST_GREY, RATIO_LOG_GREY_SPREAD
-
-
-class RatioError(NamedTuple):
-    """Errors of exposure ratios: the medians of |ln k̂ − ln k| and of (ln k̂ − ln k)·sign(ln k).
-
-    The latter is positive if exposure changes are overestimated.
-    """
-
-    median_abs: float
-    bias: float
 
 
 class Coverage(NamedTuple):
@@ -105,29 +95,6 @@ def vignette_pixel_rmse(estimate: Vignette, truth: Vignette) -> float:
     images = [vignette.image().astype(np.float64) for vignette in (estimate, truth)]
     first, second = (image / image[centre].mean() for image in images)
     return _rms(first - second)
-
-
-def exposure_ratio_error(k_estimated: npt.ArrayLike, k_metadata: npt.ArrayLike) -> RatioError:
-    """Return the errors of estimated exposure ratios against the metadata, for pairs that were not used in the fit.
-
-    Parameters
-    ----------
-    k_estimated, k_metadata
-        Exposure ratio of each pair, shape (pairs,) each.
-
-    Raises
-    ------
-    ExposureError
-        If there are no ratios, their numbers differ, or a ratio is not positive.
-    """
-    ratios = np.asarray(k_estimated, dtype=np.float64), np.asarray(k_metadata, dtype=np.float64)
-    if ratios[0].shape != ratios[1].shape or ratios[0].size == 0:
-        raise ExposureError(f"{ratios[0].size} estimated exposure ratios, but {ratios[1].size} in the metadata")
-    if not all(np.all(np.isfinite(k) & (k > 0)) for k in ratios):
-        raise ExposureError("exposure ratios must be finite and positive")
-    log_true = np.log(ratios[1])
-    residual = np.log(ratios[0]) - log_true
-    return RatioError(float(np.median(np.abs(residual))), float(np.median(residual * np.sign(log_true))))
 
 
 def coverage(estimate: npt.ArrayLike, sigma: npt.ArrayLike, truth: npt.ArrayLike) -> Coverage:

@@ -199,8 +199,8 @@ def half_alignments(estimate: Trajectory, truth: Trajectory) -> list[tuple[Simil
     """
     matched, true = _matched(estimate, truth)
     halves = {
-        "first": matched.stamps_s <= truth.stamps_s[max(len(truth) // 2 - 1, 0)],
-        "second": matched.stamps_s >= truth.stamps_s[(len(truth) + 1) // 2 - 1],
+        "first": true.stamps_s <= truth.stamps_s[max(len(truth) // 2 - 1, 0)],
+        "second": true.stamps_s >= truth.stamps_s[(len(truth) + 1) // 2 - 1],
     }
     alignments = []
     for name, half in halves.items():

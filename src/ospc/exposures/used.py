@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ospc.arrays import FloatArray, numbers_of
-from ospc.errors import counted
+from ospc.errors import ExposureError, counted
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import lag_in_words
 from ospc.exposures.table import ExposureTable, filled
@@ -138,6 +138,19 @@ def with_used_exposures(recording: Recording, calibration: Calibration | None) -
     exposures_ms = without_gaps(exposures_ms)
     note = use_of_exposures(recording, calibration)
     return DerivedRecording.of(recording, np.arange(len(recording)), exposures_ms, note=note)
+
+
+def check_exposures(recording: Recording, calibration: Calibration | None) -> None:
+    """Raise an ExposureError if a calibration is from estimated exposures, and the recording has others that vary."""
+    if calibration is None or not calibration.exponent_sigma or _is_from(calibration, recording):
+        return
+    exposures_ms = recording.exposures_ms
+    if np.unique(exposures_ms[np.isfinite(exposures_ms)]).size > 1:
+        raise ExposureError(
+            f"{recording.path}: its exposures do not fit the calibration, which is from estimated ones and known "
+            "only up to one exponent; give the images that were calibrated with the times.txt of the calibration, or "
+            "calibrate with known exposures"
+        )
 
 
 def use_of_exposures(recording: Recording, calibration: Calibration) -> str:

@@ -180,7 +180,6 @@ _TIFF_TAGS = {
 _TIFF_MAX_VALUES = 2**20
 """Maximum number of values in a tag; one strip per row of the largest image takes fewer."""
 
-
 _TIFF_STARTS = (b"II*\x00", b"MM\x00*")
 _TIFF_ORIENTATION, _AS_STORED = 274, 1
 """Tag of the orientation (TIFF 6.0), and its value for an image that is shown as it is stored."""
@@ -237,7 +236,6 @@ _FORMATS: tuple[tuple[bytes, Callable[[bytes], ImageHeader]], ...] = (
     (b"BM", _bmp),
     *((start, _tiff) for start in _TIFF_STARTS),
 )
-
 
 WITH_METADATA = frozenset({".png", ".jpg", ".jpeg"})
 """Suffixes of files to which metadata can be copied."""

@@ -38,7 +38,6 @@ _LEAST_REACH = 1e-3
 _PROBES_PER_SIDE = 33
 """Grid points per side of the image at which a vignette model is checked; a polynomial has no peaks between them."""
 
-
 _WRITTEN = (
     *("size", "max_grey", "partial", "converged", "exponent_sigma", "rests_on", "verdicts", "response", "vignette"),
     *("noise", "exposure_ratios", "covariance", "coverage", "counts", "effects", "advice", "notes", "warnings"),

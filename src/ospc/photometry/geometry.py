@@ -16,7 +16,6 @@ _BAND_PIXELS = 2**15
 MOST_PIXELS = 2**27
 """Images with more pixels are rejected: twice the largest common sensor."""
 
-
 _ASPECT_TOLERANCE = 0.01
 """Largest difference between logarithms of aspect ratios for the same field of view; it allows for rounding."""
 

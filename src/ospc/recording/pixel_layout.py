@@ -18,7 +18,6 @@ from ospc.recording.options import ReadingOptions
 _SENSOR_BITS = (8, 10, 12, 14, 16)
 """Bit depths of sensors."""
 
-
 _DEPTH_SAMPLES = 4
 """Number of frames that determine the bit depth: the first readable one, and some with the longest exposures, which
 use all bits."""

@@ -21,7 +21,6 @@ EXPOSURE = "the exposure"
 
 _LINE_END = re.compile(r"\r\n|\n|\r")
 
-
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _CONTROL = re.compile(r"[\0-\x08\x0b\x0e-\x1f\x7f]")
 """Control characters that are in no text; a file with them is binary, or in an encoding of several bytes."""

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 WIDTH_IN = 4.6
 """Width of a chart; with letters of 9 points, charts are readable on a phone too."""
 
-
 _HEIGHT_IN, _HEIGHT_WITH_PANELS_IN = 3.2, 4.6
 
 _MARGINS_IN = {"left": 0.86, "right": 0.12, "top": 0.28, "bottom": 0.48}

@@ -12,7 +12,7 @@ from ospc.arrays import FloatArray, Image
 from ospc.errors import OspcError, plain
 from ospc.evaluation.tracking import TrackingComparison, compare_tracking
 from ospc.exposures.table import filled
-from ospc.exposures.used import with_used_exposures
+from ospc.exposures.used import check_exposures, with_used_exposures
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.correction import Corrector
 from ospc.photometry.coverage import Coverage, ExposureRatios
@@ -30,10 +30,8 @@ _STREAMS = ("video", "rosbag")
 _STREAM_REACH = 300
 """Frames considered in a recording that can only be read from its beginning."""
 
-
 _STILL = 0.98
 """Share of observations within one class of radius above which the camera is considered static."""
-
 
 Pictures: TypeAlias = tuple[tuple[Image, str], ...]
 """Frames of one scene with captions: first as recorded, then without vignette at their longest exposure.
@@ -69,7 +67,12 @@ def examples_of(calibration: Calibration, recording: Recording, about: str = "")
         return Examples(notes=("no pictures: the image size of the recording differs from that of the calibration",))
     if calibration.response is None and calibration.vignette is None:
         return Examples(notes=("no pictures: neither response nor vignette is known",))
-    recording = with_used_exposures(with_sensor_depth(recording, calibration.max_grey), calibration)
+    recording = with_sensor_depth(recording, calibration.max_grey)
+    try:
+        check_exposures(recording, calibration)
+    except OspcError as error:
+        return Examples(notes=(f"no pictures: {error}",))
+    recording = with_used_exposures(recording, calibration)
     corrector = Corrector(calibration.response, calibration.vignette, recording.max_grey, assume_missing=True)
     reach = min(len(recording), _STREAM_REACH if recording.kind in _STREAMS else len(recording))
     notes = [about] if about else []
@@ -79,7 +82,8 @@ def examples_of(calibration: Calibration, recording: Recording, about: str = "")
             scenes = _far_exposures(recording.exposures_ms[:reach])
         else:
             scenes = _chosen_pairs(calibration.exposure_ratios, reach)
-        pictures = _pictures(corrector, recording, scenes)
+        exposure = "exposure {}" if calibration.exponent_sigma else "{} ms"
+        pictures = _pictures(corrector, recording, scenes, exposure)
     except OspcError as error:
         notes.append(f"no pictures: {error}")
     excerpt = _where_exposure_changes(recording, reach)
@@ -127,7 +131,9 @@ def _far_exposures(exposures_ms: FloatArray) -> list[tuple[int, ...]]:
     return [(int(order[len(order) // 5]), int(order[-1 - len(order) // 5]))]
 
 
-def _pictures(corrector: Corrector, recording: Recording, scenes: list[tuple[int, ...]]) -> tuple[Pictures, ...]:
+def _pictures(
+    corrector: Corrector, recording: Recording, scenes: list[tuple[int, ...]], exposure: str
+) -> tuple[Pictures, ...]:
     wanted = {index for scene in scenes for index in scene}
     frames: dict[int, Frame] = {}
     for frame in recording:
@@ -137,18 +143,18 @@ def _pictures(corrector: Corrector, recording: Recording, scenes: list[tuple[int
         if len(frames) == len(wanted):
             break
     return tuple(
-        _of_scene(corrector, [frames[index] for index in dict.fromkeys(scene)])
+        _of_scene(corrector, [frames[index] for index in dict.fromkeys(scene)], exposure)
         for scene in scenes
         if frames.keys() >= set(scene)
     )
 
 
-def _of_scene(corrector: Corrector, frames: list[Frame]) -> Pictures:
+def _of_scene(corrector: Corrector, frames: list[Frame], exposure: str) -> Pictures:
     longest_ms = max(frame.exposure_ms for frame in frames)
     recorded = [("as recorded", frame, frame.image_8_bit) for frame in frames]
     corrected = [("corrected", frame, corrected_picture(corrector, frame, longest_ms)) for frame in frames]
     return tuple(
-        (_reduced(image), f"frame {frame.index}, {plain(frame.exposure_ms)} ms, {what}")
+        (_reduced(image), f"frame {frame.index}, {exposure.format(plain(frame.exposure_ms))}, {what}")
         for what, frame, image in recorded + corrected
     )
 

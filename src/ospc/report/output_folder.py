@@ -95,12 +95,15 @@ class OutputFolder:
 
     def remove_partial(self) -> None:
         """Remove the state and the result of an unfinished run, which a complete result replaces."""
-        inner = OutputFolder(self.path / _PARTIAL)
-        if inner.path.is_dir():
-            inner._remove_earlier()
+        OutputFolder(self.path / _PARTIAL).remove()
+
+    def remove(self) -> None:
+        """Remove the state and the result of an earlier run, and the folder unless it has other files."""
+        if self.path.is_dir() and _is_earlier_output(self.path):
+            self._remove_earlier()
             with suppress(OSError):
-                (inner.path / STATE_NAME).unlink(missing_ok=True)
-                inner.path.rmdir()
+                (self.path / STATE_NAME).unlink(missing_ok=True)
+                self.path.rmdir()
 
     def create(self) -> None:
         """Create the folder if it does not exist; FormatError if that fails."""
@@ -146,13 +149,13 @@ class OutputFolder:
     def findings(
         self, calibration: Calibration, recording: Recording | None = None, truth: Photometry | None = None
     ) -> ReportFindings:
-        """Return the findings to draw, with the exposures of a recording or of times.txt, and a reference."""
-        if recording is not None:
-            exposures_ms: FloatArray | None = with_used_exposures(recording, calibration).exposures_ms
-        else:
-            exposures_ms = None
-            with suppress(OspcError):
-                exposures_ms = read_times(self.path / "times.txt").exposures_ms
+        """Return the findings to draw, with a reference and the exposures of times.txt, else those of a recording."""
+        exposures_ms: FloatArray | None = None
+        try:
+            exposures_ms = read_times(self.path / "times.txt").exposures_ms
+        except OspcError:
+            if recording is not None and not calibration.exponent_sigma:
+                exposures_ms = with_used_exposures(recording, calibration).exposures_ms
         return ReportFindings(calibration, exposures_ms, truth)
 
     def draw(

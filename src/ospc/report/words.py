@@ -89,12 +89,14 @@ def headline(calibration: Calibration) -> str:
     rough = [name for name, state in states.items() if state == "marginal"]
     unknown = [name for name, state in states.items() if state == "not identifiable"]
     parts = []
-    if known:
-        parts.append(f"The {_listed(known)} of this camera {'is' if len(known) == 1 else 'are'} well determined.")
-    if rough:
-        parts.append(f"The {_listed(rough)} {'is' if len(rough) == 1 else 'are'} known only approximately.")
-    if unknown:
-        parts.append(f"This recording does not determine the {_listed(unknown)}; no estimate is given.")
+    for names, said in ((known, "of this camera {} well determined"), (rough, "{} known only approximately")):
+        if names:
+            verb = "is" if names in (["response"], ["vignette"]) else "are"
+            parts.append(f"The {_listed(names)} {said.format(verb)}.")
+    if curves := [name for name in unknown if name != "exposures"]:
+        parts.append(f"This recording does not determine the {_listed(curves)}; no estimate is given.")
+    if "exposures" in unknown:
+        parts.append("The exposures could not be confirmed.")
     if calibration.exponent_sigma:
         parts.append(f"{calibration.caveat}, chosen so that the response resembles that of a typical camera.")
     elif calibration.caveat:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ospc.errors import FormatError, escaped
+from ospc.errors import ExposureError, FormatError, escaped
 from ospc.formats.dso import read_pcalib, read_vignette
 from ospc.formats.opening import Photometry
 from ospc.photometry.response import Response
@@ -87,10 +87,10 @@ def measuring_task(source: Source, methods: Methods) -> Task:
     """Return the task of measuring methods on a recording; the task is about the recording."""
     compared = [type(methods).__name__, methods.name]
     depends_on = {"recording": source.describe(), "methods": compared, "made_with": made_with()}
-    return Task(f"{source.name} ({methods.name})", depends_on, partial(_measure, source, methods), source)
+    return Task(f"{source.name} ({methods.name})", depends_on, partial(_run_and_judge, source, methods), source)
 
 
-def _measure(source: Source, methods: Methods, progress: OnProgress) -> list[dict[str, Any]]:
+def _run_and_judge(source: Source, methods: Methods, progress: OnProgress) -> list[dict[str, Any]]:
     outcomes = run_methods(methods.make(source), source.frames(), source.count, progress)
     return [asdict(found) for found in judge(source, outcomes, source.held_out())]
 
@@ -100,17 +100,20 @@ def judge(source: Source, outcomes: Mapping[str, Outcome], held_out: Sequence[He
     truth = source.truth()
     if any(isinstance(outcome, Estimate) and outcome.exposures is not None for outcome in outcomes.values()):
         truth = replace(truth, exposures_ms=source.exposures_ms())
-    return [measurement(source, method, outcome, truth, held_out) for method, outcome in outcomes.items()]
+    return [judge_one(source, method, outcome, truth, held_out) for method, outcome in outcomes.items()]
 
 
-def measurement(
+def judge_one(
     source: Source, method: str, outcome: Outcome, truth: Truth, held_out: Sequence[HeldOutPair] = ()
 ) -> Measurement:
     """Compare the outcome of a method on a recording with the truth."""
     row = Measurement(source.name, method, group=source.group, factors=source.factors, limits=truth.limits)
     if isinstance(outcome, str):
         return replace(row, failure=outcome)
-    row = replace(row, figures=score(outcome, truth, held_out), curves=curves_of(outcome))
+    try:
+        row = replace(row, figures=score(outcome, truth, held_out), curves=curves_of(outcome))
+    except ExposureError as error:
+        return replace(row, failure=str(error))
     if outcome.calibration is None:
         return row
     verdicts, ratios = outcome.calibration.verdicts, vars(outcome.calibration.exposure_ratios)
@@ -122,7 +125,7 @@ def measurement(
     )
 
 
-def measured(stored: Sequence[dict[str, Any]]) -> list[Measurement]:
+def loaded(stored: Sequence[dict[str, Any]]) -> list[Measurement]:
     """Return the measurements from the stored result of a :func:`measuring_task`."""
     return [Measurement(**content) for content in stored]
 

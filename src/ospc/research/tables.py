@@ -31,12 +31,12 @@ class Table:
 
     def as_markdown(self) -> str:
         """Return the table as Markdown, with figures right-aligned and marked cells in bold."""
-        rules = tuple("---" if i < self.names else "---:" for i in range(len(self.header)))
+        marks = tuple("---" if i < self.names else "---:" for i in range(len(self.header)))
         rows = [
             tuple(f"**{cell}**" if (i, j) in self.best else cell for j, cell in enumerate(row))
             for i, row in enumerate(self.rows)
         ]
-        lines = ["| " + " | ".join(map(_as_cell, row)) + " |" for row in (self.header, rules, *rows)]
+        lines = ["| " + " | ".join(map(_as_cell, row)) + " |" for row in (self.header, marks, *rows)]
         return f"## {self.title}\n\n" + "\n".join(lines) + "\n"
 
 
@@ -45,9 +45,9 @@ def _as_cell(text: str) -> str:
     return escaped(text).replace("|", "\\|").replace("<", "&lt;")
 
 
-def rounded(value: float, digits: int = 6) -> float:
-    """Round a value to this many significant digits."""
-    return float(f"{value:.{digits}g}")
+def rounded(value: float) -> float:
+    """Round a value to six significant digits."""
+    return float(f"{value:.6g}")
 
 
 def measurements_csv(rows: Sequence[Measurement]) -> str:

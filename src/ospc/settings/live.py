@@ -40,7 +40,7 @@ GOAL = 0.005
 """Root mean square error of g and V over all grey levels and radii at which a capture is complete: direct odometry
 does not benefit from smaller errors."""
 ASSESSED_GREYS = np.linspace(0, 1, 65)
-"""Grey levels at which the uncertainty of the response is evaluated; dense enough for its 33 knots."""
+"""Grey levels at which the uncertainty of the response is evaluated; dense enough for its 49 knots."""
 INFORMATION_POINTS = 3000
 """Scene points used for the information matrix: a representative sample that takes 25 ms."""
 EXPECTED_PAIR_POINTS = 100

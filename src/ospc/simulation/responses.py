@@ -34,12 +34,13 @@ def logarithmic(steepness: float = 50.0) -> Response:
     return Response.from_values(inverse, model={"name": "log", "steepness": steepness})
 
 
-def filmic(exponent: float = 1.25, half: float = 0.18) -> Response:
+def filmic() -> Response:
     """Return an S-curve with toe and shoulder, f(I) = (1 + c) I^p / (I^p + c), where c = halfᵖ.
 
     This is the function of Naka and Rushton (1966), scaled to reach 1. Its inverse is
     g(M) = (cM / (1 + c − M))^(1/p).
     """
+    exponent, half = 1.25, 0.18
     constant = half**exponent
     inverse = (constant * _GREY / (1 + constant - _GREY)) ** (1 / exponent)
     return Response.from_values(inverse, model={"name": "filmic", "exponent": exponent, "half": half})

@@ -48,7 +48,7 @@ def recover_exposures(
             f"{recording.path}: exposures cannot be estimated from its images: {error}"
         ) from None
     log_e = typical_exponent(found) * found.log_exposures
-    exposures = read_only(np.exp(log_e - np.median(log_e)))
+    exposures = read_only(np.array([float(f"{e:.9g}") for e in np.exp(log_e - np.median(log_e))]))  # as in times.txt
     missing = len(recording) - len(exposures)
     left_out = f"; {counted(missing, 'frame')} left out because no exposure was estimated" if missing else ""
     note = f"exposures are estimated from the images: relative, and up to one exponent{left_out}"

@@ -14,7 +14,7 @@ from ospc.evaluation.metrics import response_shape_rmse
 from ospc.photometry.response import Response
 from ospc.research.accuracy.charts import CHANNELS, ChartSource, chart_sources, read_series, true_response
 from ospc.research.accuracy.design import PresetMethods
-from ospc.research.source import measured, measuring_task
+from ospc.research.source import loaded, measuring_task
 
 PATCH = 40
 RESPONSE = Response.gamma(2.0, 4097)
@@ -47,7 +47,7 @@ def write_chart(data, exposures=(1.0, 2.0, 4.0, 8.0)):
 
 
 def measure(source, preset):
-    return measured(measuring_task(source, PresetMethods(preset)).compute(lambda _share: None))
+    return loaded(measuring_task(source, PresetMethods(preset)).compute(lambda _share: None))
 
 
 @pytest.fixture(scope="module")

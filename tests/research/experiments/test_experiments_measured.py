@@ -21,7 +21,7 @@ from ospc.research.experiments.sources import stand_ins, sweeps
 from ospc.research.measurement import Measurement
 from ospc.research.method import Estimate, SolversKnowingResponse, paper_variants, run_methods
 from ospc.research.scoring import Truth
-from ospc.research.source import SimulatedSource, judge, measured, measuring_task
+from ospc.research.source import SimulatedSource, judge, loaded, measuring_task
 from ospc.settings import PaperSettings
 
 
@@ -119,7 +119,7 @@ def test_every_experiment_makes_new_methods_and_describes_what_it_varies(source)
 
 def test_joint_estimation_is_compared_with_and_without_truth(tmp_path):
     source = stand_ins(1, 24, (80, 60))[0]
-    rows = measured(measuring_task(source, EXPERIMENTS["joint"]).compute(lambda _share: None))
+    rows = loaded(measuring_task(source, EXPERIMENTS["joint"]).compute(lambda _share: None))
     rows += judge(source, {"mine": Estimate(vignette=source.truth().vignette)})
     assert [row.method for row in rows] == [
         "ours",

@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 import json
 import pickle
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from ospc.errors import RecordingError, SettingError
+from ospc.errors import NotObservableError, RecordingError, SettingError
 from ospc.evaluation.trajectory import AlignmentError
 from ospc.formats.opening import open_photometry
 from ospc.recording import open_recording
@@ -138,6 +139,16 @@ def test_recordings_without_geometry_or_truth_are_refused_before_anything_runs(r
         (place / "images").symlink_to(recording.path / "images")
         with pytest.raises(RecordingError, match=name):
             replace(experiment, recordings={"x": open_recording(place)})
+
+
+def test_a_truth_that_determines_no_drift_is_refused_before_anything_runs(recording, tmp_path, experiment):
+    shutil.copytree(recording.path, tmp_path / "room")
+    truth = tmp_path / "room" / "groundtruthSync.txt"
+    rows = [line.split() for line in truth.read_text().splitlines()]
+    known = [row if number in (0, 1) else [row[0], *7 * ["nan"]] for number, row in enumerate(rows)]
+    truth.write_text("".join(" ".join(row) + "\n" for row in known))
+    with pytest.raises(NotObservableError, match="determines no drift: first half"):
+        replace(experiment, recordings={"x": open_recording(tmp_path / "room")})
 
 
 def test_numbers_that_make_no_sense_are_refused(experiment):

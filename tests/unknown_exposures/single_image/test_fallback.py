@@ -72,9 +72,14 @@ def test_the_fallback_needs_its_option_and_states_its_basis(photographs, tmp_pat
     assert said.encode("latin-1", "ignore") in (out / "vignette.png").read_bytes()
     assert Calibration.load(out).rests_on == said
     assert "Guessed from 1 image" in (out / "report.html").read_text()
-    wrong = ospc("calibrate", photo, "-o", out, "--fallback", "single-image", "--unknown-exposures", "--resume")
-    assert wrong.exit_code == 2
-    assert "--fallback cannot be combined with --unknown-exposures or --resume" in wrong.stderr
+    for options, names in (
+        (("--unknown-exposures", "--resume"), "--unknown-exposures or --resume"),
+        (("--channel", "each"), "--channel each"),
+        (("--all-cameras",), "--all-cameras"),
+    ):
+        wrong = ospc("calibrate", photo, "-o", out, "--fallback", "single-image", *options)
+        assert wrong.exit_code == 2
+        assert f"--fallback cannot be combined with {names}" in wrong.stderr
 
 
 def test_a_calibration_is_for_the_grey_values_of_its_photograph_or_recording(photographs, tmp_path, monkeypatch):

@@ -21,7 +21,6 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 _WAITING = 30
 """Messages of each topic that wait for their counterpart, which is at most a few frames late."""
 
-
 _CLOCK_STEP_NS = 2 * NS_PER_S
 """A stamp this much earlier than that of the latest frame shows that the clock was set, or a bag begins again."""
 

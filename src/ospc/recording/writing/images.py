@@ -28,7 +28,6 @@ ImageFormat = Literal["png", "jpg"]
 _PNG_COMPRESSION = 3
 """zlib level: higher ones take several times as long for files a few per cent smaller."""
 
-
 _EXIF_WITHIN = 65536
 """Number of bytes at the start of a JPEG that may contain its EXIF segment."""
 

@@ -29,7 +29,6 @@ _EXPOSED = (0.04, 0.96)
 _FEWEST_VIEWS = 3
 """Fewest observations of a point whose residuals count: with fewer, its radiance fits too well."""
 
-
 Columns: TypeAlias = dict[str, list[float]]
 """The columns of a table of numbers by name."""
 

@@ -111,7 +111,6 @@ _ALL = (
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}
 """The experiments by name."""
 
-
 _SHOWN = metrics("response_rmse", "response_shape_rmse", "log_ratio_error", "vignette_rmse", "exposure_error")
 """The metrics of the table."""
 

@@ -19,7 +19,6 @@ _LEAST_STEP = 1e-9
 _WHITE, _RANGE = 255.0, 219.0
 """Largest grey value, and that of limited range (16 to 235) above its black."""
 
-
 _SCATTERED_WHITE = 245.0
 """White of the fault whose white scatters: like that of a real camera, it leaves room for the scatter above it."""
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError, OspcError, SettingError
-from ospc.evaluation.trajectory import AlignmentError, Trajectory, alignment_error, read_trajectory
+from ospc.evaluation.trajectory import AlignmentError, Trajectory, alignment_error, half_alignments, read_trajectory
 from ospc.recording import Recording
 from ospc.research.odometry.inputs import CAMERA, TRUTH, Calibrations, Condition, OdometryInput, images_of, needed
 from ospc.research.runner import Finished, OnProgress, Task
@@ -153,7 +153,11 @@ class Experiment:
             raise SettingError("an experiment needs at least one recording, one condition and one run")
         for recording in self.recordings.values():
             needed(recording.path, CAMERA)
-            true_trajectory(recording)
+            truth = true_trajectory(recording)
+            try:
+                half_alignments(truth.select(truth.known), truth)
+            except NotObservableError as error:
+                raise NotObservableError(f"{recording.path}: {TRUTH} determines no drift: {error}") from None
 
 
 def true_trajectory(recording: Recording) -> Trajectory:
