@@ -24,6 +24,7 @@ PARSERS = {
     "batch/manifest.py": ["table of a batch"],
     "batch/run.py": "one word of its own batch.json, by json_object",
     "cli/interruption.py": "only the null device, to write to",
+    "cli/studies.py": "the names of files of its own, by json_object",
     "correction/folder.py": "one word of its own correction.json, by json_object",
     "evaluation/trajectory.py": ["trajectory"],
     "formats/dso.py": ["pcalib.txt"],

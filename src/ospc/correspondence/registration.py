@@ -12,7 +12,7 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray
+from ospc.arrays import Float32Array, FloatArray
 from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.correspondence.preprocessing import ReducedFrame
 from ospc.correspondence.thumbnail_registration import (
@@ -23,7 +23,7 @@ from ospc.correspondence.thumbnail_registration import (
     there_and_back,
     values_at,
 )
-from ospc.correspondence.view_motion import homography, view_motion
+from ospc.correspondence.view_motion import view_motion
 from ospc.settings.registration import (
     DISPLACEMENT_CELL_PX,
     DISPLACEMENT_SPREAD_SIGMA_PX,
@@ -46,13 +46,6 @@ class Registration:
     forward_backward_error: Float32Array
     """Distance between each pixel and the end of registering it forward and back, in the same pixels, shape (h,
     w)."""
-
-    def homography(self, shown: BoolArray | None = None) -> FloatArray | None:
-        """Return the homography that explains most displacements, in the same pixels, shape (3, 3), or None.
-
-        ``shown`` marks the pixels that show the scene, shape (h, w); None for all.
-        """
-        return homography(self.forward, shown)
 
 
 class Registrar(Protocol):

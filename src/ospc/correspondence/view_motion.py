@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -26,18 +26,6 @@ from ospc.settings.registration import (
 )
 
 
-class ViewMotion(Protocol):
-    """A mapping from places (x, y) in the first image to those in the second, in pixels."""
-
-    def at(self, places: Float32Array) -> Float32Array:
-        """Return where places of the first image are in the second, (h, w, 2) -> (h, w, 2)."""
-        ...
-
-    def warped(self, image: Image) -> Image:
-        """Return the second image as the first view would show it; its border is repeated beyond it."""
-        ...
-
-
 @dataclass(frozen=True)
 class Homography:
     """The motion of a plane, or of any scene if the camera only turns, seen through a lens without distortion."""
@@ -46,11 +34,11 @@ class Homography:
     """Shape (3, 3)."""
 
     def at(self, places: Float32Array) -> Float32Array:
-        """See :meth:`ViewMotion.at`."""
+        """Return where places (x, y) of the first image are in the second, in pixels, (h, w, 2) -> (h, w, 2)."""
         return np.asarray(cv2.perspectiveTransform(places, self.matrix))
 
     def warped(self, image: Image) -> Image:
-        """See :meth:`ViewMotion.warped`."""
+        """Return the second image as the first view would show it; its border is repeated beyond it."""
         inverse, size = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, image.shape[::-1]
         return np.asarray(
             cv2.warpPerspective(image, self.matrix, size, flags=inverse, borderMode=cv2.BORDER_REPLICATE)
@@ -65,13 +53,17 @@ class CurvedMotion:
     """Displacement (x, y) of each pixel, shape (h, w, 2)."""
 
     def at(self, places: Float32Array) -> Float32Array:
-        """See :meth:`ViewMotion.at`."""
+        """Return where places (x, y) of the first image are in the second, in pixels, (h, w, 2) -> (h, w, 2)."""
         return np.asarray(places + values_at(self.displacement, places))
 
     def warped(self, image: Image) -> Image:
-        """See :meth:`ViewMotion.warped`."""
+        """Return the second image as the first view would show it; its border is repeated beyond it."""
         there = pixel_places(image.shape[::-1]) + self.displacement
         return np.asarray(cv2.remap(image, there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+
+ViewMotion: TypeAlias = Homography | CurvedMotion
+"""A mapping from places in the first image to those in the second."""
 
 
 def view_motion(displacement: Float32Array, shown: BoolArray | None) -> ViewMotion | None:

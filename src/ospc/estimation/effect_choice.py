@@ -15,6 +15,7 @@ from ospc.estimation.effect_models import (
     CURVES_OF_EXPOSURES,
     DRIFTING_LIGHT,
     EFFECTS,
+    LOCAL_TONE_MAPPING,
     OF_STATIONARY_CAMERA,
     ONLY_IF_FOUND,
 )
@@ -162,7 +163,7 @@ def _with_effects(
         start = after_newton_step(fitted.fit, suspect)
         wider = plan.refit(observations, start)
         if not (_significant(wider, -1) and _shown_by_own_light(wider, observations, plan)):
-            if suspect.name == "local tone mapping":  # one step sees half of it: the response has taken up the rest
+            if suspect.name == LOCAL_TONE_MAPPING:  # one step sees half of it: the response has taken up the rest
                 clearer = max(suspect, trial_of(wider), key=lambda trial: trial.sigmas)
                 trials = [clearer if trial is suspect else trial for trial in trials]
             continue

@@ -196,6 +196,10 @@ def _step_name(number: int) -> str:
     return f"gain step {number + 1} of {STEP_EXPOSURES}"
 
 
+EXPOSURE_OFFSET, LOCAL_TONE_MAPPING = "exposure offset", "local tone mapping"
+DRIFTING_RESPONSE, DRIFTING_BLACK, DRIFTING_VIGNETTE = (
+    f"drifting {what}" for what in ("response", "black level", "vignette")
+)
 DRIFTING_LIGHT = "drifting light"
 """The light of the scene rises or falls evenly, as at dusk or while a lamp warms up."""
 
@@ -218,7 +222,7 @@ EFFECTS = {
         name: _shaped_light(where, lambda seen: np.ones_like(seen.exposure), FIXED_LIGHT, len(SHAPES))
         for name, where in DARK_SIGNAL.items()
     },
-    "exposure offset": Effect(
+    EXPOSURE_OFFSET: Effect(
         "exposure", lambda seen: np.ones_like(seen.exposure), *OFFSET, least=-MOST_OFFSET, most=MOST_OFFSET
     ),
     LATE_EXPOSURES: Effect(
@@ -233,15 +237,15 @@ EFFECTS = {
     NOMINAL_EXPOSURES: Effect("log", _missing_of_nominal, *NOMINAL, least=LEAST_NOMINAL, most=MOST_NOMINAL),
     **{name: _gain_step(number) for number, name in enumerate(GAIN_STEPS)},
     # The grey level is multiplied by a power θ of that of the surroundings.
-    "local tone mapping": Effect("log", lambda seen: seen.gamma * np.log(seen.grey_around), *LOCAL_TONE),
+    LOCAL_TONE_MAPPING: Effect("log", lambda seen: seen.gamma * np.log(seen.grey_around), *LOCAL_TONE),
     "curved exposures": Effect("log", lambda seen: np.log(seen.exposure) ** 2, *CURVATURE),
     # The grey level has a power of 1 + θ; it rises by θ.
-    "drifting response": Effect("log", lambda seen: seen.time * seen.gamma * np.log(seen.grey), *RESPONSE_DRIFT),
-    "drifting black level": Effect("log", lambda seen: seen.time * seen.gamma / seen.grey, *BLACK_DRIFT),
+    DRIFTING_RESPONSE: Effect("log", lambda seen: seen.time * seen.gamma * np.log(seen.grey), *RESPONSE_DRIFT),
+    DRIFTING_BLACK: Effect("log", lambda seen: seen.time * seen.gamma / seen.grey, *BLACK_DRIFT),
     "black level by exposure": Effect(
         "log", lambda seen: np.log(seen.exposure) * seen.gamma / seen.grey, *BLACK_BY_EXPOSURE
     ),
-    "drifting vignette": Effect("log", lambda seen: seen.time * np.sum(seen.position**2, axis=1), *VIGNETTE_DRIFT),
+    DRIFTING_VIGNETTE: Effect("log", lambda seen: seen.time * np.sum(seen.position**2, axis=1), *VIGNETTE_DRIFT),
     "vignette by exposure": Effect(
         "log", lambda seen: np.log(seen.exposure) * np.sum(seen.position**2, axis=1), *VIGNETTE_BY_EXPOSURE
     ),
@@ -257,7 +261,7 @@ LIGHT_FIXED_TO_CAMERA = (*STRAY_LIGHT, *DARK_SIGNAL)
 SCATTERED_LIGHT = ("veiling glare", "light scattered nearby")
 """Light of the scene that reaches other parts of the image."""
 
-OF_STATIONARY_CAMERA = ("exposure offset", NOMINAL_EXPOSURES, DRIFTING_LIGHT)
+OF_STATIONARY_CAMERA = (EXPOSURE_OFFSET, NOMINAL_EXPOSURES, DRIFTING_LIGHT)
 """Errors that each exposure has wherever it recurs, and light that drifts meanwhile. Most other effects also change
 with place or other light, which a stationary camera does not vary independently."""
 
@@ -265,7 +269,7 @@ CORRECTED = (
     *SCATTERED_LIGHT,
     *UNEVEN_GLARE,
     *LIGHT_FIXED_TO_CAMERA,
-    "exposure offset",
+    EXPOSURE_OFFSET,
     LATE_EXPOSURES,
     DRIFTING_LIGHT,
     NOMINAL_EXPOSURES,
@@ -273,10 +277,10 @@ CORRECTED = (
 )
 """Effects of real cameras. Those that the observations show are corrected in the result."""
 
-CORRECTED_EXPOSURES = ("exposure offset", NOMINAL_EXPOSURES, *GAIN_STEPS)
+CORRECTED_EXPOSURES = (EXPOSURE_OFFSET, NOMINAL_EXPOSURES, *GAIN_STEPS)
 """Corrected errors of the exposures that depend on the exposure alone, so that exposures can be corrected by them."""
 
-CURVES_OF_EXPOSURES = ("exposure offset", "curved exposures", *GAIN_STEPS)
+CURVES_OF_EXPOSURES = (EXPOSURE_OFFSET, "curved exposures", *GAIN_STEPS)
 """Errors that depend on the exposure alone. With few different exposures, some of them fit any errors."""
 
 ONLY_IF_FOUND = (*UNEVEN_GLARE, *LIGHT_FIXED_TO_CAMERA, NOMINAL_EXPOSURES, *GAIN_STEPS)

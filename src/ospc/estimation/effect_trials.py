@@ -8,7 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.estimation.effect_models import CONTRADICTIONS, EFFECTS
+from ospc.estimation.effect_models import (
+    CONTRADICTIONS,
+    DRIFTING_BLACK,
+    DRIFTING_RESPONSE,
+    DRIFTING_VIGNETTE,
+    EFFECTS,
+)
 from ospc.estimation.fit import Fit
 from ospc.estimation.fitted import Fitted
 from ospc.estimation.model import Model
@@ -123,10 +129,10 @@ def change_until_end(fit: Fit, trial: Trial) -> FloatArray:
     change = np.zeros_like(fit.parameters)
     gamma, knots = fit.response_parameters, fit.response_basis.knots
     slopes = slice(fit.vignette_part.start, fit.vignette_part.start + fit.vignette_basis.radial)
-    if trial.name == "drifting response":
+    if trial.name == DRIFTING_RESPONSE:
         change[: len(gamma)] = gamma
-    elif trial.name == "drifting black level":
+    elif trial.name == DRIFTING_BLACK:
         change[: len(gamma)] = -gamma / np.maximum(knots, knots[1])
-    elif trial.name == "drifting vignette":
+    elif trial.name == DRIFTING_VIGNETTE:
         change[slopes] = 1
     return change

@@ -16,6 +16,7 @@ from ospc.estimation.mean_of_pixels import PixelMeans
 from ospc.estimation.model import Model
 from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.vignette_errors import VignetteErrors, drawn_errors
+from ospc.numerics.symmetric import variances
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
@@ -242,7 +243,7 @@ class Fit(Model):
         """
         n = len(self.response_basis)
         rows = self.response_basis.log_rows(grey) - self.response_basis.log_rows(np.array([reference]))
-        variance = np.einsum("ij,jk,ik->i", rows, self.covariance[:n, :n], rows)
+        variance = variances(rows, self.covariance[:n, :n])
         both = np.append(grey, reference)
         squared = self.response_basis.unresolved(self.response_parameters, both) ** 2
         apart = np.minimum(np.abs(both[:-1] - reference) * self.response_basis.resolved_intervals, 1.0)

@@ -114,9 +114,9 @@ class FrameGains:
     """The two frames of each pair."""
     means: PairMeans
     """Mean residual of each pair."""
-    variances: tuple[float, ...] = ()
+    variances: tuple[float, ...]
     """Variances, in ln², of independent gains, of those of each of :data:`~ospc.settings.residuals.GAIN_MEMORIES`,
-    and of those that recur with the exposure; empty for no gains."""
+    and of those that recur with the exposure."""
 
     @cached_property
     def _blocks(self) -> list[_Block]:

@@ -10,7 +10,7 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.prior import Prior, PriorHyperparameters, jumps_of_knees
 from ospc.estimation.shared_errors import SharedErrors
 from ospc.numerics.least_squares import non_negative_least_squares
-from ospc.numerics.symmetric import eigh
+from ospc.numerics.symmetric import eigh, variances
 from ospc.settings.fit import DISAGREEMENT_SHARE, MIN_DETERMINED_PARAMETERS, MIN_SCORE_SPREAD
 from ospc.settings.response import KNEE_EVIDENCE, MAX_KNEES
 
@@ -102,12 +102,12 @@ class NormalEquations:
         from the scatter of the scores rather than from the assumed errors. Errors that all groups share are added:
         the excess over chance of the disagreement between halves, and the expected errors.
         """
-        bread = np.linalg.inv(self.posterior_precision(prior, hyperparameters))
+        bread = np.asarray(np.linalg.inv(self.posterior_precision(prior, hyperparameters)), dtype=np.float64)
         # The information scale is the sandwich factor squared over the spread of the scatter.
         scale = self.information_scale / self.sandwich_factor
         halves, expected = scale * shared.disagreement, self.information_scale * shared.expected
         by_chance = self.information_scale * np.sum(bread * self.matrix)
-        squared = np.einsum("ij,jk,ik->i", halves, bread, halves)
+        squared = variances(halves, bread)
         share = DISAGREEMENT_SHARE * np.maximum(1 - by_chance / np.maximum(squared, 1e-300), 0.0)
         meat = scale**2 * self.scatter + (halves.T * share) @ halves + expected.T @ expected
         found = bread @ (meat + prior.precision(hyperparameters)) @ bread

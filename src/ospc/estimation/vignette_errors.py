@@ -9,7 +9,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.numerics.symmetric import eigh
+from ospc.numerics.symmetric import eigh, variances
 from ospc.photometry.geometry import along_diagonals
 from ospc.settings.fit import CONFIDENCE, ERROR_DRAWS, PROFILE_POINTS
 
@@ -92,7 +92,7 @@ class VignetteErrors:
     def _log_variance(self, radius: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the variance of ln V due to the parameters at radii along the half diagonals, shape (n, 4)."""
         rows = self._jacobian(radius)
-        return np.asarray(np.einsum("ij,jk,ik->i", rows, covariance, rows).reshape(-1, 4))
+        return variances(rows, covariance).reshape(-1, 4)
 
     def _value(self, radius: FloatArray) -> FloatArray:
         """Return V at radii along the half diagonals, shape (n, 4)."""

@@ -10,6 +10,7 @@ from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.estimation.fitted import Fitted
 from ospc.methods.preview import Preview
+from ospc.numerics.symmetric import variances
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import usable_radius_of
@@ -75,7 +76,7 @@ class Knowledge:
 
     def _gain(self, row: FloatArray, greys: tuple[float, float], goal: float) -> float:
         """Return the gain from one more row of the normal equations (Sherman and Morrison)."""
-        variance = float(self._log_variance(np.array(greys)).sum())
+        variance = float(self._logvariances(np.array(greys)).sum())
         information = EXPECTED_PAIR_POINTS * self.information_scale / variance
         spread = self.covariance @ row
         falls = (self.wanted @ spread) ** 2 / (1 / information + row @ spread)
@@ -85,7 +86,7 @@ class Knowledge:
             return float(response if self.response_sigma > goal else vignette) / goal**2
         return float(response + vignette) / goal**2
 
-    def _log_variance(self, grey: FloatArray) -> FloatArray:
+    def _logvariances(self, grey: FloatArray) -> FloatArray:
         """Return the variance of ln g of single samples at grey levels."""
         basis, parameters = self.fit.response_basis, self.fit.response_parameters
         grey = np.clip(grey, basis.grid[1], 1.0)
@@ -102,8 +103,8 @@ def knowledge_of(preview: Preview | None) -> Knowledge | None:
     step = max(1, len(observations.starts) // INFORMATION_POINTS)
     covariance, scale = _covariance(fit, observations.of_points(slice(None, None, step)), step)
     wanted = _wanted(fit, sum(measured_greys(observations)) / 2, _radii(fit.vignette_basis.usable_radius))
-    disagreement = np.maximum(_variance(wanted, fit.covariance - fit.chance), 0)
-    sigma = np.sqrt(_variance(wanted, covariance) + disagreement)
+    disagreement = np.maximum(variances(wanted, fit.covariance - fit.chance), 0)
+    sigma = np.sqrt(variances(wanted, covariance) + disagreement)
     of_response, of_vignette = (_root_mean_square(part) for part in np.split(sigma, [len(ASSESSED_GREYS)]))
     return Knowledge(fit, covariance, wanted, scale, of_response, of_vignette)
 
@@ -142,10 +143,6 @@ def _wanted(fit: Fit, reference: float, radii: FloatArray) -> FloatArray:
     fall = value[:, None] * vignette.jacobian(fit.vignette_parameters, places)
     n = len(basis)
     return np.concatenate([np.pad(response, ((0, 0), (0, fall.shape[1]))), np.pad(fall, ((0, 0), (n, 0)))])
-
-
-def _variance(rows: FloatArray, covariance: FloatArray) -> FloatArray:
-    return np.asarray(np.einsum("ij,jk,ik->i", rows, covariance, rows))
 
 
 def _root_mean_square(sigma: FloatArray) -> float:

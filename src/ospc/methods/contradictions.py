@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from ospc.estimation.effect_models import (
+    DRIFTING_BLACK,
+    DRIFTING_RESPONSE,
+    DRIFTING_VIGNETTE,
+    LOCAL_TONE_MAPPING,
+)
 from ospc.estimation.fit import Fit
 from ospc.estimation.residual_effects import UNEVEN, UNSTEADY_RADIANCE, UNSTEADY_RESPONSE, UNSTEADY_VIGNETTE
 
@@ -14,7 +20,7 @@ _VIGNETTE_STAYS = (
 )
 
 _CONTRADICTIONS = {
-    "local tone mapping": (
+    LOCAL_TONE_MAPPING: (
         "grey levels depend on the brightness around them, as with local tone mapping or flickering light",
         "exponent",
         _SAME_FOR_ALL_PLACES,
@@ -25,12 +31,12 @@ _CONTRADICTIONS = {
         "check the unit of the exposures: they must be times (not logarithms or steps) multiplied by the linear "
         "gain; switch off digital gain and HDR",
     ),
-    "drifting response": (
+    DRIFTING_RESPONSE: (
         "the response changes during the recording",
         "exponent",
         "lock the picture profile, contrast and gamma of the camera",
     ),
-    "drifting black level": (
+    DRIFTING_BLACK: (
         "the black level changes during the recording",
         "share of white",
         "let the camera warm up, and switch off automatic contrast",
@@ -67,7 +73,7 @@ _CONTRADICTIONS = {
         "clean lens and sensor, remove what covers the lens, avoid wipers and reflections from the dashboard "
         "or a window, and switch off shading correction",
     ),
-    "drifting vignette": (
+    DRIFTING_VIGNETTE: (
         "the vignette changes during the recording",
         "change of ln vignette at the corners",
         "lock zoom, focus and aperture, and switch off shading correction",

@@ -9,6 +9,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.fit import Fit
 from ospc.numerics.robust import SIGMA_OF_MEDIAN, medians
+from ospc.numerics.symmetric import variances
 from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.geometry import cells_of
@@ -76,4 +77,4 @@ def _sigma_by_curves(fit: Fit, observations: ExposedObservations, later: IntArra
     # One pair at a time: the rows of all pairs would take more memory than the rest of a fit.
     mean = np.stack([mean_row(pair - 1) - mean_row(pair) for pair in np.split(later, np.cumsum(count)[:-1])])
     n = mean.shape[1]
-    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", mean, fit.covariance[:n, :n], mean)))
+    return np.sqrt(variances(mean, fit.covariance[:n, :n]))

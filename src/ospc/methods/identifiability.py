@@ -214,7 +214,7 @@ def _clearer_view(fit: Fit) -> str:
 
 
 def _graded(fit: Fit, relative_error: float, figure: str, remedy: str) -> Verdict:
-    """Return the verdict on a curve, given its error relative to the limit; the text ``figure`` has a field known."""
+    """Return the verdict on a curve, given its error relative to the limit; ``figure`` is a format for ``known``."""
     if relative_error > UNIDENTIFIABLE_FACTOR:
         return Verdict("not identifiable", figure.format(known="known only"), remedy)
     figure = figure.format(known="known")

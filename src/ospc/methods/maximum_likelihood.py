@@ -12,6 +12,7 @@ from ospc.correspondence.flat_sampling import NOTHING_FOUND, FlatSampler
 from ospc.correspondence.keyframe_selection import KeyframeSelector
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.registration import REGISTRARS
+from ospc.correspondence.view_motion import homography
 from ospc.errors import named
 from ospc.exposures.lag_change import LagChange
 from ospc.exposures.table import ExposureTable
@@ -78,7 +79,7 @@ class MaximumLikelihoodMethod(Method):
             keyframe, prepared = replace(keyframe, shown=shown), replace(prepared, shown=shown)
             views = area.extended(keyframe, prepared)
             registration = self._register(*views, self._quick_fit.normalize, stated_log_ratio)
-            if registration is not None and (motion := registration.homography(shown)) is not None:
+            if registration is not None and (motion := homography(registration.forward, shown)) is not None:
                 area.compare(keyframe, prepared, motion)
         measured = self._second.submit(self._data.noise.observe, frame)  # after registration, which uses that thread
         if keyframe is not None:

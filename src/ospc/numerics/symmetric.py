@@ -1,4 +1,4 @@
-"""Eigenvalues of symmetric matrices."""
+"""Symmetric matrices, such as covariances."""
 
 from __future__ import annotations
 
@@ -21,3 +21,8 @@ def eigh(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
 
         values, vectors = scipy.linalg.eigh(matrix, driver="ev")
         return values, vectors
+
+
+def variances(rows: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the variance of each of n sums of p values, given their weights, (n, p), and the covariance, (p, p)."""
+    return np.asarray(np.sum(rows @ covariance * rows, axis=1))

@@ -110,8 +110,7 @@ class PolynomialVignette(VignetteModel):
 
     def _values(self, x: FloatArray, y: FloatArray) -> FloatArray:
         x, y = x - self.centre[0], y - self.centre[1]
-        squared = np.sqrt(x**2 + y**2) ** 2
-        return np.asarray(np.polynomial.polynomial.polyval(squared, [1.0, *self.coefficients]), dtype=np.float64)
+        return np.asarray(np.polynomial.polynomial.polyval(x**2 + y**2, [1.0, *self.coefficients]), dtype=np.float64)
 
 
 _LARGEST_LOG = 50.0

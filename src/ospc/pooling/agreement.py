@@ -19,6 +19,7 @@ from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit
 from ospc.estimation.prior import START, Prior
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.numerics.symmetric import variances
 from ospc.pooling.solution import Information, solve
 from ospc.pooling.summary import RESPONSE, RESPONSE_PART, VIGNETTE, VIGNETTE_PART, Summary, triangle_of
 from ospc.settings.pooling import (
@@ -217,15 +218,9 @@ def _curves(fit: Fit) -> _Curves:
     centre = np.zeros((1, 2))
     value = fit.vignette_basis.log_value(vignette, places) - fit.vignette_basis.log_value(vignette, centre)
     rows = fit.vignette_basis.jacobian(vignette, places) - fit.vignette_basis.jacobian(vignette, centre)
+    parts = ((_response_rows(), RESPONSE_PART), (rows, VIGNETTE_PART))
     sigma, prior_sigma = (
-        np.sqrt(
-            np.concatenate(
-                [
-                    np.einsum("ij,jk,ik->i", rows_of, covariance[part, part], rows_of)
-                    for rows_of, part in ((_response_rows(), RESPONSE_PART), (rows, VIGNETTE_PART))
-                ]
-            )
-        )
+        np.sqrt(np.concatenate([variances(rows_of, covariance[part, part]) for rows_of, part in parts]))
         for covariance in (fit.covariance, _prior_covariance(fit.response_parameters, fit.vignette_basis))
     )
     value = np.concatenate([_response_rows() @ fit.response_parameters, value])
