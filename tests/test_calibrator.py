@@ -18,11 +18,9 @@ from hypothesis import strategies as st
 
 from ospc.calibrator import OnlineCalibrator, calibrate
 from ospc.correspondence.frame_sampling import FrameSampler
-from ospc.correspondence.preprocessing import Preprocessor
 from ospc.engine.frame_checks import LATEST_REASONS
 from ospc.engine.state import Epoch
 from ospc.errors import FrameError, OspcError, SettingError
-from ospc.exposures.brightness import BrightnessComparer
 from ospc.live import LiveCalibrator
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Progress
@@ -182,23 +180,6 @@ def test_a_lag_of_zero_is_possible_for_a_single_frame():
 # Frame by frame.
 
 
-def test_a_frame_prepared_ahead_is_not_prepared_again_and_any_other_is(monkeypatch):
-    made = []
-    plain = Preprocessor.__call__
-    monkeypatch.setattr(Preprocessor, "__call__", lambda *given: made.append(given[1].index) or plain(*given))
-    calibrator = OnlineCalibrator(NotingSettings())
-    frames = [Frame.of_array(IMAGE + i, 1.0 + i) for i in range(4)]
-    calibrator.push(frames[0])
-    calibrator.prefetcher.prepare(1, frames[1])
-    calibrator.prefetcher.prepare(2, Frame.of_array(IMAGE, 1.0))  # not the next frame
-    calibrator.prefetcher.prepare(3, Frame.of_array(IMAGE[:3], 1.0))  # of another size
-    calibrator.prefetcher.prepare(3, replace(frames[3], mask=np.ones((3, 3), bool)))  # unusable
-    assert made == [0, 1, 2]
-    for frame in frames[1:]:
-        assert calibrator.push(frame)
-    assert made == [0, 1, 2, 2, 3]
-
-
 def test_a_calibrator_that_is_no_longer_used_is_freed_without_a_garbage_collection():
     calibrator = OnlineCalibrator()
     image = np.random.default_rng(1).integers(0, 200, (48, 64), dtype=np.uint8)
@@ -212,27 +193,6 @@ def test_a_calibrator_that_is_no_longer_used_is_freed_without_a_garbage_collecti
         assert kept() is None
     finally:
         gc.enable()
-
-
-@pytest.mark.parametrize("pushed", ["before", "while"])
-def test_what_is_prepared_of_a_frame_that_was_not_waited_for_does_not_stay_in_memory(pushed, monkeypatch):
-    calibrator = OnlineCalibrator(NotingSettings())
-    image = IMAGE.copy()
-    unused = Frame.of_array(image, float("nan"))
-    kept = weakref.ref(image)
-    calibrator.push(frame(0))
-    if pushed == "before":
-        calibrator.push(unused)
-        calibrator.prefetcher.prepare(1, unused)
-    else:
-        plain = Preprocessor.__call__
-        monkeypatch.setattr(Preprocessor, "__call__", lambda *given: calibrator.push(unused) or plain(*given))
-        calibrator.prefetcher.prepare(1, unused)
-        monkeypatch.undo()
-        calibrator.push(frame(2))
-    unused = image = None
-    gc.collect()
-    assert kept() is None
 
 
 class GrowingWhileRead(list):
@@ -286,25 +246,6 @@ class Comparing(NotingSettings):
 
     def sampler(self):
         return FrameSampler(1, 1, 99, 100, 100, _pause=0, processed=99)
-
-
-def test_frames_compared_ahead_are_not_compared_again_and_any_other_pair_is(monkeypatch):
-    compared = []
-    plain = BrightnessComparer.__call__
-    monkeypatch.setattr(BrightnessComparer, "__call__", lambda *pair: compared.append(pair[2].frame) or plain(*pair))
-    texture = np.random.default_rng(5).integers(60, 200, (48, 64)).astype(np.uint8)
-    frames = [Frame.of_array(texture + np.uint8(i), 1.0 + i) for i in range(5)]
-    plainly, ahead = OnlineCalibrator(Comparing()), OnlineCalibrator(Comparing())
-    for number, frame in enumerate(frames):
-        plainly.push(frame)
-        ahead.push(frame)
-        if number == 0:
-            for later in (1, 2, 3):
-                ahead.prefetcher.prepare(later, frames[later])
-    assert compared == [2, 3, 1, 1, 2, 3, 4, 4]
-    for one, other in zip(plainly.brightness.changes, ahead.brightness.changes, strict=True):
-        np.testing.assert_array_equal(one.log_ratio, other.log_ratio)
-        np.testing.assert_array_equal(one.weight, other.weight)
 
 
 @pytest.mark.parametrize("pauses", [False, True])

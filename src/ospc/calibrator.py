@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -231,13 +230,12 @@ def drive(
     ``after_frame`` is called after each frame with the frame and whether it could be used. It may raise an exception
     to end the run early.
     """
-    prefetcher = calibrator.prefetcher
+
+    def wanted(places: int) -> bool:
+        return calibrator.will_need_image(calibrator.frames + places - 1)
+
     with one_library_thread():
-        for frame in decoded_ahead(
-            remaining(calibrator, frames),
-            lambda places: prefetcher.needs(calibrator.frames + places - 1),
-            lambda places: partial(prefetcher.prepare, calibrator.frames + places - 1),
-        ):
+        for frame in decoded_ahead(remaining(calibrator, frames), wanted):
             used = calibrator.push(frame)
             if after_frame is not None:
                 after_frame(frame, used)

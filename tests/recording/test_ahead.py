@@ -110,23 +110,6 @@ def test_images_nobody_foresees_are_not_decoded_but_looked_for(monkeypatch):
     assert sorted(frames.verified) == list(range(100))
 
 
-def test_wanted_frames_are_prepared_by_the_other_thread_with_their_images():
-    given_last, prepared = -1, {}
-
-    def wanted(places):
-        return (given_last + places) % 3 == 0
-
-    def prepare(places):
-        number = given_last + places
-        return lambda frame: prepared.update({number: (int(frame.image[0, 0]), threading.current_thread())})
-
-    for frame in decoded_ahead(Counted(20), wanted, prepare):
-        given_last = frame.index
-        assert frame.image[0, 0] == given_last  # waits for the other thread, which must not wait for this one
-    assert {number: image for number, (image, _) in prepared.items()} == {n: n for n in range(3, 20, 3)}
-    assert threading.main_thread() not in {thread for _, thread in prepared.values()}
-
-
 def test_frames_of_one_thread_are_left_to_it():
     frames = Counted(10, threads=False)
     assert [int(f.image[0, 0]) for f in decoded_ahead(frames, lambda _places: True)] == list(range(10))

@@ -188,7 +188,7 @@ def test_everything_a_method_learns_is_in_its_state():
 
 def test_everything_an_engine_knows_is_in_its_state():
     made_anew = {"settings", "lock", "second", "preprocess", "prior"}
-    not_needed = {"prefetcher", "partly_processed"}
+    not_needed = {"expected", "partly_processed"}
     calibrator = OnlineCalibrator()
     assert {name.lstrip("_") for name in vars(calibrator)} == made_anew | not_needed | {"run", "method"}
     assert vars(calibrator._run).keys() == Run.__dataclass_fields__.keys()

@@ -11,11 +11,10 @@ from ospc.arrays import size_of
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.engine.frame_checks import check_is_frame, checked_frame, image_of_size
-from ospc.engine.prefetching import Prefetcher
 from ospc.engine.state import Epoch, Run, response_before_change
 from ospc.errors import ExposureError, FrameError, RecordingError, SettingError
 from ospc.exposures.brightness import ComparedFrames
-from ospc.exposures.brightness_history import BrightnessHistory, Precomputed
+from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change
@@ -52,8 +51,6 @@ class Engine:
         Settings of the method.
     prior
         An earlier calibration of the camera, or None. It is not saved in states.
-    prefetcher
-        Predicts which frames will be needed, and keeps those that another thread preprocessed ahead of time.
     """
 
     def __init__(self, settings: Settings, run: Run) -> None:
@@ -64,7 +61,7 @@ class Engine:
         self._partly_processed = ""  # the name of a frame whose processing failed halfway
         self._lock = RLock()  # held while a frame is processed
         self._preprocess = settings.preprocessor()
-        self.prefetcher = Prefetcher(self._preprocess, run.sampler)
+        self._expect()
         self._second = SecondThread()
 
     def push(self, frame: Frame) -> bool:
@@ -98,8 +95,7 @@ class Engine:
                 self._partly_processed = frame.name
                 raise
             finally:
-                self.prefetcher.drop_until(number)
-                self._update_prefetcher()
+                self._expect()
             return True
 
     def push_without_image(self, exposure_ms: float, name: str, unusable: str = "") -> bool:
@@ -114,7 +110,7 @@ class Engine:
             except ExposureError as error:
                 unusable = str(error)
             self._run.skip(unusable)
-            self._update_prefetcher()
+            self._expect()
             return not unusable
 
     @property
@@ -158,7 +154,7 @@ class Engine:
                 self._method = self.settings.build(run.size, run.max_grey)
                 self._method.restore(method, run.frames)
             self._run = run
-            self._update_prefetcher()
+            self._expect()
 
     # The steps of push.
 
@@ -169,16 +165,16 @@ class Engine:
         change: Change | None = None
         compared: ComparedFrames | None = None
         if self._run.sampler.processes_next:
-            prepared, precomputed = self.prefetcher.preprocessed(frame, self._run.pixels.grey_range)
+            prepared = self._preprocess(frame, self._run.pixels.grey_range)
             first = self._run.exposures.history.first_with_image_of(prepared.thumbnail)
             if first != frame.index:  # it adds no information
                 self._run.count_repeated(frame, prepared.thumbnail, first)
                 self._assess_exposures_if_due(method)
                 return
-            change, compared = self._observe(method, frame, prepared, precomputed)
+            change, compared = self._observe(method, frame, prepared)
         elif self._run.sampler.compares_next or self._run.exposures.needs_comparison(frame.index):
-            thumbnail = self.prefetcher.thumbnail(frame, self._run.pixels.grey_range)
-            compared = self._run.exposures.history.observe(*thumbnail)
+            thumbnail = self._preprocess.thumbnail(frame, self._run.pixels.grey_range)
+            compared = self._run.exposures.history.observe(thumbnail)
         if compared is not None:
             change = change or method.compare(compared.points, self._run.exposures.table)
             change = self._detect_lag_change(method, change) or change
@@ -196,12 +192,12 @@ class Engine:
         return self._method
 
     def _observe(
-        self, method: Method, frame: Frame, prepared: PreprocessedFrame, precomputed: Precomputed | None
+        self, method: Method, frame: Frame, prepared: PreprocessedFrame
     ) -> tuple[Change | None, ComparedFrames | None]:
         """Accumulate the samples of a preprocessed frame; return a change of the camera, and the compared frames."""
         # Meanwhile, the second thread counts grey values and compares the brightness with the previous frame.
         counting = self._second.submit(self._run.pixels.observe, frame, prepared.thumbnail)
-        comparing = self._second.submit(self._run.exposures.history.observe, prepared.thumbnail, precomputed)
+        comparing = self._second.submit(self._run.exposures.history.observe, prepared.thumbnail)
         try:
             # Select a keyframe, register the frame with it, sample both, accumulate the samples.
             change = method.push(frame, prepared, self._run.exposures.table)
@@ -259,10 +255,10 @@ class Engine:
         run = self._run
         return None if inputs is None else summary_of(inputs, run.first_frames[0], run.source, run.frames)
 
-    def _update_prefetcher(self) -> None:
-        """Pass the current sampler to the prefetcher, which copies it so that it never waits for the lock."""
+    def _expect(self) -> None:
+        """Note which images will be needed: all of them, or those that a copy of the sampler selects."""
         every = self._method is not None and self._method.longest_pause == 0
-        self.prefetcher.update(self._run.sampler, self._run.size, self._run.pixels.grey_range, every=every)
+        self._expected = every, replace(self._run.sampler)
 
     # These do not wait for other threads.
 
@@ -329,6 +325,11 @@ class Engine:
         """Grey value statistics of the frames processed in this epoch; do not read them during a push."""
         return self._run.pixels
 
+    def will_need_image(self, number: int) -> bool:
+        """Whether the image of the frame with this number will probably be needed."""
+        every, sampler = self._expected
+        return every or sampler.at(number).compares_next
+
     def may_need_image(self, number: int) -> bool:
         """Whether the image of the frame with this number may be needed."""
-        return self._run.exposures.lag_is_uncertain or self.prefetcher.needs(number)
+        return self._run.exposures.lag_is_uncertain or self.will_need_image(number)

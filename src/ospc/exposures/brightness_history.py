@@ -11,15 +11,6 @@ from ospc.exposures.brightness import BrightnessChange, BrightnessComparer, Comp
 from ospc.settings.brightness import MAX_BRIGHTNESS_CHANGES, MAX_REPEATED_FRAMES
 
 
-@dataclass(frozen=True)
-class Precomputed:
-    """A comparison of two frames, made before the second one was observed."""
-
-    first: Thumbnail
-    second: Thumbnail
-    compared: ComparedFrames
-
-
 @dataclass
 class BrightnessHistory:
     """Compares each frame with the previous one and stores the brightness changes in bounded memory."""
@@ -47,11 +38,8 @@ class BrightnessHistory:
         """Return the number of stored changes."""
         return len(self.changes)
 
-    def observe(self, frame: Thumbnail, precomputed: Precomputed | None = None) -> ComparedFrames | None:
-        """Compare a frame with the previous one; None if that one is missing or has the same image.
-
-        A precomputed comparison is used if it is for exactly these two frames.
-        """
+    def observe(self, frame: Thumbnail) -> ComparedFrames | None:
+        """Compare a frame with the previous one; None if that one is missing or has the same image."""
         if not self._repeats(frame):
             self.image_since = frame.frame
         previous, self._previous, self.last_frame = self._previous, frame, frame.frame
@@ -63,10 +51,7 @@ class BrightnessHistory:
             self.repeats += 1
             self.repeated = [*self.repeated, frame.frame][:MAX_REPEATED_FRAMES]
             return None
-        if precomputed is not None and precomputed.first is previous and precomputed.second is frame:
-            compared = precomputed.compared
-        else:
-            compared = self._compare(previous, frame)
+        compared = self._compare(previous, frame)
         self.changes.append(compared.change)
         self.observed += 1
         if len(self.changes) > MAX_BRIGHTNESS_CHANGES:

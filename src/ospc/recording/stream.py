@@ -86,20 +86,15 @@ _DECODED, _VERIFIED = 3, 64
 ahead, which are small without their images."""
 
 
-def decoded_ahead(
-    frames: Iterable[Frame],
-    wanted: Callable[[int], bool],
-    prepare: Callable[[int], Callable[[Frame], object]] = lambda _places: lambda _frame: None,
-) -> Iterator[Frame]:
+def decoded_ahead(frames: Iterable[Frame], wanted: Callable[[int], bool]) -> Iterator[Frame]:
     """Yield the same frames in the same order, with images decoded ahead of time in a thread.
 
     Images and errors do not change: an error of the iteration is raised after the frames before it. Frames that other
     threads cannot read (:attr:`Frame.threads`) are passed on unchanged.
 
     ``wanted`` is called with the distance of a frame from the last one yielded, 1 for the next, and returns whether
-    its image will probably be read; a wrong answer only costs time. ``prepare`` is called with the same argument and
-    returns a function that the thread calls with the frame after decoding. Only a few images are decoded ahead, and
-    only the calling thread iterates over the frames.
+    its image will probably be read; a wrong answer only costs time. Only a few images are decoded ahead, and only the
+    calling thread iterates over the frames.
     """
     source = iter(frames)
     first = next(source, None)
@@ -119,7 +114,7 @@ def decoded_ahead(
                 while in_progress < _DECODED and len(queue) < _VERIFIED and (frame := next(source, None)) is not None:
                     places = len(queue) + 1
                     decode = frame.threads and wanted(places)
-                    ahead = _decoding(frame, worker, prepare(places)) if decode else _verifying(frame, worker)
+                    ahead = _decoding(frame, worker) if decode else _verifying(frame, worker)
                     queue.append((ahead, decode))
                     in_progress += decode
                 yield queue.popleft()[0]
@@ -137,15 +132,9 @@ def _until_failure(frames: Iterator[Frame], failures: list[Exception]) -> Iterat
         failures.append(error)
 
 
-def _decoding(frame: Frame, worker: ThreadPoolExecutor, prepare: Callable[[Frame], object]) -> Frame:
+def _decoding(frame: Frame, worker: ThreadPoolExecutor) -> Frame:
     """Return a frame whose image the worker decodes."""
-
-    def load() -> Image:
-        image = frame.load()
-        prepare(replace(frame, load=lambda: image))
-        return image
-
-    job = worker.submit(load)
+    job = worker.submit(frame.load)
 
     def verify() -> None:
         # Decoding also verifies the image, so that nothing is read twice.
