@@ -64,19 +64,17 @@ class PcalibText:
 def strictly_increasing_float32(values: npt.ArrayLike) -> Float32Array:
     """Return the closest strictly increasing curve in 32-bit floats to a non-decreasing one from 0 to 255.
 
-    Neighbours that are equal in 32 bits are moved by as few representable steps as possible, in the least squares
-    sense; all other values stay. Subnormal numbers are avoided because some parsers reject them.
+    Neighbours that are equal in 32 bits are moved, each by as few representable steps as possible for the one that
+    moves most; all other values stay. Subnormal numbers are avoided because some parsers reject them.
     """
     rounded = np.clip(np.asarray(values, dtype=np.float64), 0.0, 255.0).astype(np.float32)
     # Non-negative floats sort like integers with the same bits, and adjacent floats are adjacent integers.
     index = np.arange(rounded.size)
     slack = rounded.view(np.int32) - index
-    if np.any(np.diff(slack) < 0):
-        from scipy.optimize import isotonic_regression  # slow to import and rarely needed
-
-        slack = isotonic_regression(slack).x
+    # Halfway between the largest value so far and the smallest from here on: isotonic regression in the maximum norm.
+    halfway = (np.maximum.accumulate(slack) + np.minimum.accumulate(slack[::-1])[::-1]) / 2
     least, most = _SMALLEST_POSITIVE.view(np.int32) - 1, np.float32(255).view(np.int32) - index[-1]
-    spread = np.round(np.clip(slack, least, most)).astype(np.int32) + index
+    spread = np.round(np.clip(halfway, least, most)).astype(np.int32) + index
     spread[0], spread[-1] = 0, np.float32(255).view(np.int32)
     return np.asarray(spread.astype(np.int32).view(np.float32))
 
