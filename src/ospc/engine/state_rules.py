@@ -99,8 +99,7 @@ RULES: Mapping[type, Mapping[str, Numbers | None]] = {
     Fit: {"texture_share": UNIT, "measured_radius": Numbers(0, 3)},
     GreyRange: {"black white": UNIT},
     NoiseModel: {
-        "read_variance": UNIT,
-        "shot_variance": Numbers(-1, 1),
+        "read_variance shot_variance": UNIT,
         "table": Numbers(0, 1, ("levels",)),
         "measured": Numbers(0, 1, (2,)),
         "gain_from_log_exposure": logs(),
