@@ -14,7 +14,9 @@ import pytest
 
 from calibrations import SIZE, calibration
 from command_line import leave_out, ospc
+from ospc.calibrator import OnlineCalibrator
 from ospc.cli.calibration_result import say_verdicts
+from ospc.engine.state import Epoch
 from ospc.errors import FrameError, OspcError
 from ospc.formats.dso import read_pcalib, read_vignette, write_pcalib, write_vignette
 from ospc.methods.method import Progress
@@ -138,6 +140,14 @@ def test_the_output_states_verdict_reason_and_folder(recording, tmp_path, method
     assert result.exit_code == 3  # too few frames to confirm that the exposures match
     for expected in ("response", "vignette", "identifiable", "it was seen", str(tmp_path / "out"), "pcalib.txt"):
         assert expected in result.stdout
+
+
+def test_a_change_of_the_camera_does_not_lose_the_calibration_before_it(recording, tmp_path, method, monkeypatch):
+    epochs = (Epoch(0, 3, calibration(max_grey=255), None), Epoch(4, 7, None, None))
+    monkeypatch.setattr(OnlineCalibrator, "epochs", epochs)
+    result = run(recording, "-o", tmp_path / "out")
+    assert "frames_0-3/pcalib.txt" in " ".join(result.stdout.split())
+    assert Calibration.load(tmp_path / "out" / "frames_0-3") == epochs[0].calibration
 
 
 def test_the_output_says_a_warning_and_a_remedy_once(capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from calibrations import SIZE, calibration
+from ospc.engine.state import Epoch
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import CAVEAT, read_pcalib, read_vignette
 from ospc.photometry.calibration import Calibration
@@ -83,6 +84,18 @@ def test_a_raster_vignette_is_stored_next_to_its_calibration_and_removed_with_it
     np.testing.assert_allclose(Calibration.load(tmp_path).vignette.image(), raster.values)
     folder.write(calibration())
     assert "calibration.vignette.npz" not in names(tmp_path)
+
+
+def test_calibrations_before_a_change_of_the_camera_have_folders_of_their_own_until_the_next_run(tmp_path):
+    folder, before = OutputFolder.at(tmp_path), calibration(max_grey=255)
+    written = folder.write(calibration(), ended=[Epoch(0, 9, None, None), Epoch(10, 49, before, None)])
+    inner = tmp_path / "frames_10-49"
+    assert Calibration.load(inner) == before
+    assert {inner / "pcalib.txt", inner / "vignette.png"} <= set(written.files)
+    assert not (tmp_path / "frames_0-9").exists()
+    (inner / "mine.txt").touch()
+    folder.write(calibration())
+    assert names(inner) == ["mine.txt"]
 
 
 def test_pictures_of_an_earlier_run_go_before_new_ones_are_drawn(tmp_path):

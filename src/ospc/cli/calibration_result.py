@@ -21,6 +21,7 @@ from ospc.cli.terminal import (
     styled,
 )
 from ospc.engine.frame_checks import skipped_in_words
+from ospc.engine.state import Epoch
 from ospc.errors import FormatError, counted
 from ospc.evaluation.comparison import Comparison, compare
 from ospc.evaluation.metrics import Coverage
@@ -52,7 +53,8 @@ Save: TypeAlias = Callable[[Path], Path]
 class CalibrationOutcome:
     """A calibration, marked partial if the run did not finish, and its recording, None if there is none.
 
-    ``skipped`` contains the first reasons for skipped frames; ``failure`` is the error, or empty.
+    ``skipped`` contains the first reasons for skipped frames; ``failure`` is the error, or empty. ``ended`` contains
+    the epochs that a change of the camera ended.
     """
 
     calibration: Calibration
@@ -60,6 +62,7 @@ class CalibrationOutcome:
     skipped: tuple[str, ...] = ()
     interrupted: bool = False
     failure: str = ""
+    ended: tuple[Epoch, ...] = ()
 
     @property
     def exit_code(self) -> int:
@@ -149,7 +152,7 @@ class ResultFolder:
     def _written(self, outcome: CalibrationOutcome) -> tuple[CalibrationOutcome, Written]:
         """Write data, report and picture; an interruption leaves out the picture only."""
         folder, recording, before = self.folder, outcome.recording, self.interruption.count
-        written = folder.write(outcome.calibration, self.times if recording is None else recording)
+        written = folder.write(outcome.calibration, self.times if recording is None else recording, outcome.ended)
         if not written.problems:
             findings = folder.findings(outcome.calibration, recording, self.truth)
             drawing = self.second.submit(drawings_of, findings)  # while examples are computed

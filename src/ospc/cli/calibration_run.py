@@ -192,7 +192,9 @@ class CalibrationRun:
                 raise OspcError(failure or one_line(error)) from error
         stopped = self.result.interruption.requested
         calibration = replace(calibration, partial=stopped or bool(failure))
-        return calibrator, CalibrationOutcome(calibration, self.recording, calibrator.first_reasons, stopped, failure)
+        *ended, _ = calibrator.epochs
+        reasons = calibrator.first_reasons
+        return calibrator, CalibrationOutcome(calibration, self.recording, reasons, stopped, failure, tuple(ended))
 
     def _push_all(self, calibrator: OnlineCalibrator, after: Callable[[Frame, bool], None]) -> str:
         """Push frames until the end or an interruption, and return the error message, if any."""

@@ -167,7 +167,8 @@ def _captured(
         # A camera's capture is complete whenever the user ends it; an interrupted recording is not.
         early = interruption.requested and replayed
         found = replace(found, partial=early or bool(failure))
-        outcome = CalibrationOutcome(found, recording, live.first_reasons, early, failure)
+        *ended, _ = live.status.epochs
+        outcome = CalibrationOutcome(found, recording, live.first_reasons, early, failure, tuple(ended))
         return result.take(outcome, live.save_state, () if replayed else live.status.notes)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -27,6 +28,7 @@ from ospc.state.container import STATE_NAME
 from ospc.system.folders import Content, check_usable
 
 if TYPE_CHECKING:
+    from ospc.engine.state import Epoch
     from ospc.live.capture import Capture
 
 Times: TypeAlias = "Recording | Capture"
@@ -40,6 +42,8 @@ OWN_NAMES = (*_DATA, PICTURE, REPORT)
 
 _PARTIAL = "partial"
 """Folder inside an output folder for a partial result, if a complete one must be kept."""
+_EPOCHS = "frames_*-*"
+"""Folders inside an output folder for the calibrations of frames before a change of the camera."""
 
 
 @dataclass(frozen=True)
@@ -110,10 +114,11 @@ class OutputFolder:
         with os_error_as(FormatError, f"{self.path}: the folder cannot be created"):
             self.path.mkdir(parents=True, exist_ok=True)
 
-    def write(self, calibration: Calibration, times: Times | None = None) -> Written:
+    def write(self, calibration: Calibration, times: Times | None = None, ended: Sequence[Epoch] = ()) -> Written:
         """Write the files for programs, and times.txt if ``times`` are given, and remove all files of an earlier run.
 
         times.txt has the exposures that the calibration used: corrected, and each at the frame that it belongs to.
+        The calibrations of epochs that ``ended`` with a change of the camera are written to folders of their own.
 
         Every file is written atomically. If a file after calibration.json cannot be written, the others still are.
 
@@ -144,6 +149,10 @@ class OutputFolder:
                 written += Written(notes=(f"times.txt was not written: {error}",))
             except OspcError as error:
                 written += Written(problems=(str(error),))
+        for epoch in ended:
+            if epoch.calibration is not None:
+                inner = OutputFolder(self.path / f"frames_{epoch.first_frame}-{epoch.last_frame}")
+                written += _attempted(partial(inner.write, epoch.calibration), f"{inner.path}: cannot be written")
         return written
 
     def findings(
@@ -202,6 +211,8 @@ class OutputFolder:
                     place.unlink(missing_ok=True)
                 except OSError as error:
                     problems.append(f"{place}: left from an earlier run and cannot be removed ({error.strerror})")
+        for inner in self.path.glob(_EPOCHS):
+            OutputFolder(inner).remove()
         return Written(problems=tuple(problems))
 
 
