@@ -94,8 +94,12 @@ def test_calibrations_before_a_change_of_the_camera_have_folders_of_their_own_un
     assert {inner / "pcalib.txt", inner / "vignette.png"} <= set(written.files)
     assert not (tmp_path / "frames_0-9").exists()
     (inner / "mine.txt").touch()
+    elsewhere = OutputFolder(tmp_path / "elsewhere")
+    elsewhere.write(calibration())
+    (tmp_path / "frames_1-2").symlink_to(elsewhere.path)
     folder.write(calibration())
     assert names(inner) == ["mine.txt"]
+    assert "calibration.json" in names(elsewhere.path)
 
 
 def test_pictures_of_an_earlier_run_go_before_new_ones_are_drawn(tmp_path):

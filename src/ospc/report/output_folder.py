@@ -102,8 +102,8 @@ class OutputFolder:
         OutputFolder(self.path / _PARTIAL).remove()
 
     def remove(self) -> None:
-        """Remove the state and the result of an earlier run, and the folder unless it has other files."""
-        if self.path.is_dir() and _is_earlier_output(self.path):
+        """Remove state and result of an earlier run, and the folder if it is then empty; leave links alone."""
+        if self.path.is_dir() and not self.path.is_symlink() and _is_earlier_output(self.path):
             self._remove_earlier()
             with suppress(OSError):
                 (self.path / STATE_NAME).unlink(missing_ok=True)
