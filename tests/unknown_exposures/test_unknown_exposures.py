@@ -17,7 +17,7 @@ from ospc.calibrator import calibrate
 from ospc.cli.main import cli
 from ospc.errors import ExposureError, NotObservableError, RecordingError
 from ospc.exposures.estimated import labelled
-from ospc.exposures.used import check_exposures
+from ospc.exposures.used import check_exposures_fit
 from ospc.formats.dso import CAVEAT
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
@@ -173,7 +173,7 @@ def test_only_the_exposures_that_were_estimated_are_used_with_the_calibration(
     assert refused.pictures == ()
     assert "do not fit the calibration" in refused.notes[0]
     written = read_times(tmp_path / "times.txt").exposures_ms
-    check_exposures(DerivedRecording.of(stated, np.arange(len(stated)), written, note="estimated"), found)
+    check_exposures_fit(DerivedRecording.of(stated, np.arange(len(stated)), written, note="estimated"), found)
 
 
 def test_commands_refuse_other_exposures_than_the_estimated_ones(tmp_path: Path) -> None:

@@ -111,14 +111,14 @@ def tracking(
     from ospc.correction.recording import corrector_for
     from ospc.correction.source import open_source
     from ospc.evaluation.tracking import compare_tracking
-    from ospc.exposures.used import check_exposures, with_used_exposures
+    from ospc.exposures.used import check_exposures_fit, with_used_exposures
     from ospc.formats.opening import open_photometry
     from ospc.recording.derived import with_sensor_depth
 
     source = open_source([recording], kind)
     photometry = open_photometry(calibration, source.recording.size)
     frames = with_sensor_depth(source.recording, photometry.max_grey)
-    check_exposures(frames, photometry.calibration)
+    check_exposures_fit(frames, photometry.calibration)
     frames = with_used_exposures(frames, photometry.calibration)
     corrector = corrector_for(frames, photometry, assume_missing=assume_missing)
     with progress_of("tracking", quiet=as_json) as step:

@@ -16,7 +16,7 @@ from ospc.correction.settings import CorrectionSettings
 from ospc.correction.source import Source, ids_for
 from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
 from ospc.exposures.table import range_in_words
-from ospc.exposures.used import check_exposures, use_of_exposures, with_used_exposures, without_gaps
+from ospc.exposures.used import check_exposures_fit, use_of_exposures, with_used_exposures, without_gaps
 from ospc.formats.dso import parameter_files, write_times
 from ospc.formats.image_header import JPEG_START, WITH_METADATA, read_header
 from ospc.formats.opening import Photometry
@@ -130,7 +130,7 @@ def correct_recording(
     if settings.normalise_exposure:
         if source.unexposed is not None:
             raise ExposureError(f"{source.unexposed}; or leave out --normalise-exposure, which needs exposures")
-        check_exposures(recording, photometry.calibration)
+        check_exposures_fit(recording, photometry.calibration)
     known = with_used_exposures(recording, photometry.calibration)
     exposures_ms = known.exposures_ms
     settings = settings.for_images(recording.max_grey, exposures_ms)

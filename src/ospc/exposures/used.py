@@ -140,7 +140,7 @@ def with_used_exposures(recording: Recording, calibration: Calibration | None) -
     return DerivedRecording.of(recording, np.arange(len(recording)), exposures_ms, note=note)
 
 
-def check_exposures(recording: Recording, calibration: Calibration | None) -> None:
+def check_exposures_fit(recording: Recording, calibration: Calibration | None) -> None:
     """Raise an ExposureError if a calibration is from estimated exposures, and the recording has others that vary."""
     if calibration is None or not calibration.exponent_sigma or _is_from(calibration, recording):
         return

@@ -76,7 +76,7 @@ class Knowledge:
 
     def _gain(self, row: FloatArray, greys: tuple[float, float], goal: float) -> float:
         """Return the gain from one more row of the normal equations (Sherman and Morrison)."""
-        variance = float(self._logvariances(np.array(greys)).sum())
+        variance = float(self._log_variance(np.array(greys)).sum())
         information = EXPECTED_PAIR_POINTS * self.information_scale / variance
         spread = self.covariance @ row
         falls = (self.wanted @ spread) ** 2 / (1 / information + row @ spread)
@@ -86,7 +86,7 @@ class Knowledge:
             return float(response if self.response_sigma > goal else vignette) / goal**2
         return float(response + vignette) / goal**2
 
-    def _logvariances(self, grey: FloatArray) -> FloatArray:
+    def _log_variance(self, grey: FloatArray) -> FloatArray:
         """Return the variance of ln g of single samples at grey levels."""
         basis, parameters = self.fit.response_basis, self.fit.response_parameters
         grey = np.clip(grey, basis.grid[1], 1.0)

@@ -12,7 +12,7 @@ from ospc.arrays import FloatArray, Image
 from ospc.errors import OspcError, plain
 from ospc.evaluation.tracking import TrackingComparison, compare_tracking
 from ospc.exposures.table import filled
-from ospc.exposures.used import check_exposures, with_used_exposures
+from ospc.exposures.used import check_exposures_fit, with_used_exposures
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.correction import Corrector
 from ospc.photometry.coverage import Coverage, ExposureRatios
@@ -69,7 +69,7 @@ def examples_of(calibration: Calibration, recording: Recording, about: str = "")
         return Examples(notes=("no pictures: neither response nor vignette is known",))
     recording = with_sensor_depth(recording, calibration.max_grey)
     try:
-        check_exposures(recording, calibration)
+        check_exposures_fit(recording, calibration)
     except OspcError as error:
         return Examples(notes=(f"no pictures: {error}",))
     recording = with_used_exposures(recording, calibration)
