@@ -32,7 +32,7 @@ def inputs_of(
     observations = camera.pairs(seed, groups, points)
     widest = replace(VIGNETTE, reach=MAX_VIGNETTE_REACH)
     fitted = fit_with_chosen_vignette(observations, FitPlan(basis, widest, NOISE, rounds=5))
-    return FitInputs(SIZE, 255, NOISE, observations, fitted, standing_still=False, pairs=groups)
+    return FitInputs(SIZE, 255, NOISE, observations, fitted, stationary=False, pairs=groups)
 
 
 @cache
@@ -75,8 +75,8 @@ def plain(key: str, frames: int = 10, seed: int = 0) -> Summary:
         vector=matrix @ estimate,
         systematic=np.zeros_like(triangle_of(matrix)),
         exposure_range_ms=(1.0, 10.0),
-        reach=0.5,
-        standing_still=False,
+        radial_motion=0.5,
+        stationary=False,
         support=(0.01, 0.99),
         unexplained=0.0,
         noise=NOISE,

@@ -224,15 +224,15 @@ class Observations(ByValue):
         return np.asarray(np.clip(self.grey_third_moment, -most, most) / np.maximum(cubed, np.finfo(np.float64).tiny))
 
     @property
-    def radial_reach(self) -> float:
+    def radial_motion(self) -> float:
         """Radial displacement, in half diagonals, of the scene points that determine the vignette.
 
         The information about the vignette grows with the square of the displacement; half of it comes from points
         that move farther than this.
         """
         radius = np.linalg.norm(self.position, axis=1)
-        reach = self.combined(np.maximum, radius) - self.combined(np.minimum, radius)
-        return weighted_median(reach, reach**2)
+        motion = self.combined(np.maximum, radius) - self.combined(np.minimum, radius)
+        return weighted_median(motion, motion**2)
 
     @cached_property
     def starts(self) -> IntArray:

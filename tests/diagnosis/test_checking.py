@@ -124,7 +124,7 @@ def test_jumps_of_a_hidden_gain_are_reported() -> None:
 
 
 def test_a_camera_that_stands_still_shows_no_vignette(still: RecordingReport) -> None:
-    assert still.motion.still
+    assert still.motion.stationary
     assert states(still)["vignette"] == "not identifiable"
     assert states(still)["response"] == "identifiable"
 

@@ -31,8 +31,10 @@ def response(*, times, unexplained=0.0, contradictions=()):
     return response_verdict_of_fit(UNCERTAIN, (1.0, times), unexplained, contradictions)
 
 
-def vignette(*, reach, standing_still=False, contradictions=()):
-    return vignette_verdict(UNCERTAIN, reach, standing_still, 0.0, size=INPUTS.size, contradictions=contradictions)
+def vignette(*, radial_motion, stationary=False, contradictions=()):
+    return vignette_verdict(
+        UNCERTAIN, radial_motion, stationary, 0.0, size=INPUTS.size, contradictions=contradictions
+    )
 
 
 @pytest.mark.parametrize("covariance", [1.0, 1e4])
@@ -61,7 +63,7 @@ def test_an_uncertain_corner_alone_leaves_a_vignette_marginal_if_the_corner_is_d
 
 
 def test_a_contradiction_is_not_why_a_stationary_camera_shows_no_vignette():
-    verdict = vignette(reach=0.0, standing_still=True, contradictions=(("the response changes", "fix it"),))
+    verdict = vignette(radial_motion=0.0, stationary=True, contradictions=(("the response changes", "fix it"),))
     assert verdict.reason.startswith("the camera is stationary")
     assert verdict.remedy.startswith("pan and tilt")
 
@@ -107,9 +109,9 @@ def test_scattered_light_that_may_be_there_is_named_as_the_limit(value, correcte
     assert "sweep the exposure" in response_verdict_of_fit(fit, (1.0, 3.0), 0.0).remedy
 
 
-@pytest.mark.parametrize(("reach", "asks"), [(0.1, True), (0.194, True), (0.197, False), (0.3, False)])
-def test_more_motion_is_only_asked_for_if_there_was_less(reach, asks):
-    verdict = vignette(reach=reach)
+@pytest.mark.parametrize(("radial_motion", "asks"), [(0.1, True), (0.194, True), (0.197, False), (0.3, False)])
+def test_more_motion_is_only_asked_for_if_there_was_less(radial_motion, asks):
+    verdict = vignette(radial_motion=radial_motion)
     assert verdict.state == "not identifiable"
     assert ("by a fifth of the half diagonal or more" in verdict.remedy) is asks
     assert verdict.remedy

@@ -13,7 +13,7 @@ from ospc.settings import DefaultSettings
 
 def camera_after(motions_px: list[float]) -> StationaryCamera:
     """Return what is known of a camera after displacements between frames."""
-    camera = StationaryCamera(DefaultSettings().still_px, StaticSeries(points=100))
+    camera = StationaryCamera(DefaultSettings().stationary_px, StaticSeries(points=100))
     random = np.random.default_rng(0)
     for number, motion_px in enumerate(motions_px):
         image = random.integers(20, 200, (48, 400)).astype(np.uint8)
@@ -36,5 +36,5 @@ def camera_after(motions_px: list[float]) -> StationaryCamera:
 )
 def test_a_camera_that_moved_clearly_is_not_stationary(motions_px: list[float], stationary: bool) -> None:
     camera = camera_after(motions_px)
-    assert camera.stands_still == stationary
+    assert camera.is_stationary == stationary
     assert (camera.used_series is not None) == stationary

@@ -199,7 +199,7 @@ def test_a_recording_that_starts_from_itself_counts_once():
 
 
 def test_starting_from_a_state_equals_starting_from_its_merge():
-    of_other_response = replace(summary(OTHER_RESPONSE, 101), exposure_range_ms=(0.001, 1e6), reach=3.0)
+    of_other_response = replace(summary(OTHER_RESPONSE, 101), exposure_range_ms=(0.001, 1e6), radial_motion=3.0)
     recordings = [summary(CAMERA, seed) for seed in range(4)] + [summary(OTHER_LENS, 100, groups=160)]
     merged = merge(Pool.of([*recordings, of_other_response])).calibration
     assert merged.counts["differing"] == 2

@@ -107,7 +107,7 @@ def _figures(report: RecordingReport, unit: str) -> dict[str, str]:
         "grey levels": f"{pixels.covered_grey.mean():.0%} occur, from {pixels.lowest_grey} to {pixels.highest_grey} "
         f"of {pixels.max_grey}; {pixels.saturated_share:.1%} saturated, {pixels.black_share:.1%} black",
         "radii": f"well exposed from centre to corner: {radii} %",
-        "motion": f"{speed}; radial {motion.radial_reach:.2f} of the half diagonal{found}",
+        "motion": f"{speed}; radial {motion.radial_motion:.2f} of the half diagonal{found}",
         "frames": f"{rate}{timing.dropped_frames} missing; {timing.duplicates} of "
         f"{timing.compared_frames} repeat the previous one",
     }

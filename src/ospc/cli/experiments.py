@@ -72,7 +72,7 @@ class _Run:
         from ospc.research.source import judge, loaded, measuring_task
 
         experiment = EXPERIMENTS[self.name]
-        sources = self._sources(*experiment.stand_ins, speed=experiment.speed, at_rest=experiment.at_rest)
+        sources = self._sources(*experiment.stand_ins, speed=experiment.speed, stationary=experiment.stationary)
         others = self._others()
 
         def report(finished: Sequence[Finished]) -> StudyReport:
@@ -93,7 +93,7 @@ class _Run:
             [ambiguity_task(source)], self.out, 1, lambda finished: ambiguity_report(finished[0][1], source.name)
         )
 
-    def _sources(self, count: int, frames: int, *, speed: float = 1.0, at_rest: bool = False) -> list[Source]:
+    def _sources(self, count: int, frames: int, *, speed: float = 1.0, stationary: bool = False) -> list[Source]:
         """Return the given recordings, or simulated ones; ``count`` and ``frames`` are defaults."""
         from ospc.research.experiments.sources import stand_ins, sweeps
         from ospc.research.source import GivenSource
@@ -102,7 +102,7 @@ class _Run:
             _refuse("given recordings", "count", "size", "speed", "data")
             return [GivenSource.of(place, self.frames) for place in by_name(self.recordings).values()]
         count, frames = self.count or count, self.frames or frames
-        if at_rest:
+        if stationary:
             _refuse("a static camera", "speed", "data")
             return [*sweeps(count, frames, self.size)]
         return [*stand_ins(count, frames, self.size, self.data, speed=self.speed or speed)]

@@ -65,19 +65,19 @@ class MotionReport:
     ----------
     median_px_per_frame
         Median displacement between consecutive frames in pixels; NaN if nothing could be tracked.
-    radial_reach
+    radial_motion
         Radial displacement, in half diagonals, of the scene points that determine the vignette; 0 if the camera is
         stationary.
     found_share
         Share of the image that is well exposed and visible in the next frame; NaN if no frames were compared.
-    still
+    stationary
         Whether the camera is stationary.
     """
 
     median_px_per_frame: float
-    radial_reach: float
+    radial_motion: float
     found_share: float
-    still: bool
+    stationary: bool
 
 
 def motion(changes: Sequence[BrightnessChange], inputs: FitInputs | None) -> MotionReport:
@@ -85,9 +85,9 @@ def motion(changes: Sequence[BrightnessChange], inputs: FitInputs | None) -> Mot
     displacement = [c.motion_px for c in changes if np.isfinite(c.motion_px)]
     return MotionReport(
         float(np.median(displacement)) if displacement else float("nan"),
-        0.0 if inputs is None else inputs.reach,
+        0.0 if inputs is None else inputs.radial_motion,
         float(np.median([c.overlap for c in changes])) if changes else float("nan"),
-        inputs is not None and inputs.standing_still,
+        inputs is not None and inputs.stationary,
     )
 
 
@@ -171,10 +171,10 @@ class RecordingReport:
             "grey_levels": _grey_levels(self.pixels),
             "radii": {
                 "exposed_share_by_radius": [_known(value) for value in self.pixels.mean_radius_share],
-                "radial_reach_half_diagonals": self.motion.radial_reach,
+                "radial_motion_half_diagonals": self.motion.radial_motion,
                 "motion_px_per_frame": _known(self.motion.median_px_per_frame),
                 "found_again_share": _known(self.motion.found_share),
-                "camera_still": self.motion.still,
+                "camera_stationary": self.motion.stationary,
             },
             "timing": _timing(self.timing),
             "notes": list(self.notes),

@@ -146,8 +146,8 @@ class LatentModel:
         Using the measured grey level would select samples whose noise happens to point away from the end.
         """
         shifts = self._pixel_means.at(observations, latent.index)
-        reach = CLEAR_OF_ENDS_SIGMAS * np.sqrt(shifts.variance_of_noise)
-        return np.asarray((latent.grey + reach < 1.0) & (latent.grey > np.minimum(reach, MAX_DARK_CLEARANCE)))
+        clearance = CLEAR_OF_ENDS_SIGMAS * np.sqrt(shifts.variance_of_noise)
+        return np.asarray((latent.grey + clearance < 1.0) & (latent.grey > np.minimum(clearance, MAX_DARK_CLEARANCE)))
 
     def _with_texture(self, observations: ExposedObservations, latent: Latent) -> Latent:
         """Return the observations with their reduction by texture, which only the linear system needs."""

@@ -218,10 +218,10 @@ def _decrease_at_knee(level: FloatArray, grid: FloatArray, log_response: FloatAr
     return np.stack([np.interp(level, coarse, each) for each in by_width.T], axis=1)
 
 
-def _around(mask: BoolArray, reach: int) -> BoolArray:
+def _around(mask: BoolArray, margin: int) -> BoolArray:
     """Return where a mask is true within a number of elements, shape (n,)."""
-    so_far = np.pad(np.pad(np.cumsum(mask), (reach + 1, 0)), (0, reach), mode="edge")
-    return np.asarray(so_far[2 * reach + 1 :] > so_far[: len(mask)])
+    so_far = np.pad(np.pad(np.cumsum(mask), (margin + 1, 0)), (0, margin), mode="edge")
+    return np.asarray(so_far[2 * margin + 1 :] > so_far[: len(mask)])
 
 
 def shift_and_variance(

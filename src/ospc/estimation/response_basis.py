@@ -210,11 +210,11 @@ def _smooth_gamma_table(functions: LocalFunctions, intervals: int, smoothing: fl
     # A smoothed γ is a sum of smoothed functions, so this is computed once per basis rather than for every response.
     # The window is wide, so Fourier transforms take a tenth of the time.
     sigma = smoothing * RESPONSE_GRID_STEPS
-    reach = round(4 * sigma)
-    window = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    continued = np.pad(_gamma_table(functions, intervals), ((reach, reach), (0, 0)), mode="edge")
+    half_width = round(4 * sigma)
+    window = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) / sigma) ** 2)
+    continued = np.pad(_gamma_table(functions, intervals), ((half_width, half_width), (0, 0)), mode="edge")
     spectrum = np.fft.rfft(continued, axis=0) * np.fft.rfft(window / window.sum(), len(continued))[:, None]
-    return read_only(np.fft.irfft(spectrum, len(continued), axis=0)[2 * reach :])
+    return read_only(np.fft.irfft(spectrum, len(continued), axis=0)[2 * half_width :])
 
 
 def typical_gamma(grey: npt.ArrayLike) -> FloatArray:

@@ -33,8 +33,8 @@ def follow(before: Image, after: Image, places: FloatArray) -> tuple[FloatArray,
 
 def windows(image: Image, places: FloatArray, side_px: int = WINDOW_PX) -> FloatArray:
     """Return the bilinearly interpolated windows around points, shape (n, 2) -> (n, side_px²)."""
-    reach = np.arange(side_px, dtype=np.float32) - side_px // 2
-    y, x = (grid.ravel() for grid in np.meshgrid(reach, reach, indexing="ij"))
+    offsets = np.arange(side_px, dtype=np.float32) - side_px // 2
+    y, x = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))
     at = places.astype(np.float32)[:, None] + np.stack([x, y], axis=-1)
     return values_at(image.astype(np.float32), at).astype(np.float64)
 

@@ -65,14 +65,14 @@ def log_ratio_error(estimate: Response, truth: Response, seed: int = 0, brightes
     return float(np.median(np.abs(log_ratios[0] - log_ratios[1])))
 
 
-def vignette_rmse(estimate: Vignette, truth: Vignette, reach: float = 1.0) -> float:
+def vignette_rmse(estimate: Vignette, truth: Vignette, max_radius: float = 1.0) -> float:
     """Return the RMS difference of the radial profiles, each divided by the mean of its first three bins.
 
     The sizes may differ, because the radius is 1 at the corner of each. Bins without pixels and bins beyond the
-    radius ``reach`` do not count.
+    radius ``max_radius`` do not count.
     """
     difference = (radial_profile(estimate, PROFILE_BINS) - radial_profile(truth, PROFILE_BINS))[
-        : max(1, int(reach * PROFILE_BINS))
+        : max(1, int(max_radius * PROFILE_BINS))
     ]
     return _rms(difference[np.isfinite(difference)])
 

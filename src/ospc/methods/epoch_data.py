@@ -53,7 +53,7 @@ class EpochData:
     @classmethod
     def of(cls, settings: DefaultSettings, size: ImageSize, max_grey: int) -> EpochData:
         """Return the data before the first frame."""
-        stationary = StationaryCamera(settings.still_px, StaticSeries(points=settings.series_points))
+        stationary = StationaryCamera(settings.stationary_px, StaticSeries(points=settings.series_points))
         return cls(size, Reservoir(settings.max_points), stationary, NoiseEstimator(max_grey), SceneArea())
 
     def since(self, number: int) -> EpochData:
@@ -111,7 +111,7 @@ class EpochData:
         """Return the observations and the fit to them; if the fit shows a higher black level, that with it."""
         observations, noise = self.observations(exposures, grey_range), self.noise.model(exposures)
         fitted = None if observations is None else self._fitted(observations, noise, grey_range, settings)
-        if fitted is not None and not self.stationary.stands_still:
+        if fitted is not None and not self.stationary.is_stationary:
             black = black_level(fitted.fit, fitted.observations, least_black)
             if black > 0:
                 return self.inputs(settings, exposures, grey_range.with_black_at(black), BLACK_LEVEL_ACCURACY)
@@ -121,7 +121,7 @@ class EpochData:
             noise=noise,
             observations=observations,
             fitted=fitted,
-            standing_still=self.stationary.stands_still,
+            stationary=self.stationary.is_stationary,
             pairs=self.reservoir.groups_before(len(exposures), self.pairs),
             grey_range=grey_range,
             inter_coded=self.inter_coded,
@@ -135,7 +135,7 @@ class EpochData:
             return None
         if observations.log_exposure_change(settings.min_points) < settings.min_log_exposure_change:
             return None
-        if self.stationary.stands_still:
+        if self.stationary.is_stationary:
             plan = FitPlan.of_stationary_camera(settings, noise=None)
         else:
             stretched = grey_range.stretched_noise(noise)

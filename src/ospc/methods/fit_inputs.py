@@ -55,7 +55,7 @@ class FitInputs:
     """All observations with their exposures, stretched to the grey range; None if there are none."""
     fitted: Fitted | None
     """The fit to those of pairs that are registered and exposed rightly; None if they do not allow one."""
-    standing_still: bool
+    stationary: bool
     """Whether the camera was stationary: each observation is then a single pixel instead of a mean of several."""
     pairs: int
     """Number of pairs of frames registered."""
@@ -77,9 +77,9 @@ class FitInputs:
         return self.observations if self.fitted is None else self.fitted.observations
 
     @property
-    def reach(self) -> float:
+    def radial_motion(self) -> float:
         """Radial displacement, in half diagonals, of the scene points that determine the vignette."""
-        return 0.0 if self.used is None or self.standing_still else self.used.radial_reach
+        return 0.0 if self.used is None or self.stationary else self.used.radial_motion
 
     @property
     def support(self) -> tuple[float, float]:

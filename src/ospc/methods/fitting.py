@@ -90,8 +90,8 @@ def fit(
     _check_explained(exposure_ratios(found.fit, found.observations), observations, exposures)
     if vignette:
         # The shape of the images is unknown, so the uncertainty is that along the diagonals of a square.
-        reach = found.observations.radial_reach
-        verdict = vignette_verdict(found.fit, reach, standing_still=False, unexplained=0.0, size=(2, 2))
+        motion = found.observations.radial_motion
+        verdict = vignette_verdict(found.fit, motion, stationary=False, unexplained=0.0, size=(2, 2))
         if not verdict.known:
             raise NotObservableError(
                 f"{verdict.reason}; add pairs of frames between which the camera rotates, or pass vignette=False"
@@ -142,7 +142,7 @@ def calibrate_observations(
         noise=NoiseModel(0.0, 0.0) if noise is None else noise,
         observations=exposed,
         fitted=found,
-        standing_still=not vignette,
+        stationary=not vignette,
         pairs=len(np.unique(found.observations.group)),
     )
     _check_explained(inputs.ratios, observations, exposures)
@@ -205,8 +205,8 @@ def _fitted(
             "so the response cannot be determined; add pairs of frames with different exposures"
         )
     if vignette:
-        reach = float(np.clip(np.linalg.norm(observations.position, axis=1).max(), MIN_USABLE_RADIUS, 1.0))
-        plan = FitPlan.of_moving_camera(settings, noise, reach)
+        radius = float(np.clip(np.linalg.norm(observations.position, axis=1).max(), MIN_USABLE_RADIUS, 1.0))
+        plan = FitPlan.of_moving_camera(settings, noise, radius)
     else:
         plan = FitPlan.of_stationary_camera(settings, noise)
     return fit_with_chosen_effects(observations, plan)

@@ -19,7 +19,7 @@ from ospc.settings.fit import CONFIDENCE, LOG_RATIO_DECIMALS
 from ospc.settings.methods import (
     CONTRADICTING_UNEXPLAINED_SHARE,
     DOUBTED_UNEXPLAINED_SHARE,
-    FAR_RADIAL_REACH,
+    FAR_RADIAL_MOTION,
     IDENTIFIABLE_CORNER_SIGMA,
     IDENTIFIABLE_ERROR,
     MAX_CORNER_ERROR_SHARE,
@@ -139,8 +139,8 @@ def response_verdict_of_fit(
 
 def vignette_verdict(
     fit: Fit | None,
-    reach: float,
-    standing_still: bool,
+    radial_motion: float,
+    stationary: bool,
     unexplained: float,
     *,
     size: ImageSize,
@@ -150,7 +150,7 @@ def vignette_verdict(
 
     Parameters
     ----------
-    reach
+    radial_motion
         Radial displacement, in half diagonals, of the scene points that determine the vignette: half of the
         information comes from points that move farther.
     unexplained
@@ -158,11 +158,11 @@ def vignette_verdict(
     size
         Width and height of the images in pixels.
     """
-    if standing_still:
+    if stationary:
         return Verdict(
             "not identifiable", "the camera is stationary: the vignette of each point never changes", _MOVE_RADIALLY
         )
-    moves_far = round(reach, 2) >= FAR_RADIAL_REACH  # as the reason shows it
+    moves_far = round(radial_motion, 2) >= FAR_RADIAL_MOTION  # as the reason shows it
     if fit is None or unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         reason = "without a response there is no irradiance to compare"
         return Verdict("not identifiable", reason, "" if moves_far else _MOVE_RADIALLY)
@@ -171,7 +171,7 @@ def vignette_verdict(
     where = "at the corner" if radius >= 1 else f"at the edge of the usable image ({radius:.2f} half diagonals)"
     figure = (
         f"the vignette is {{known}} to within {plain(100 * error, 2)}% ({CONFIDENCE:.0%} confidence), {where} to "
-        f"±{plain(100 * sigma, 2)}% (1σ), from radial motion of {reach:.2f} half diagonals"
+        f"±{plain(100 * sigma, 2)}% (1σ), from radial motion of {radial_motion:.2f} half diagonals"
     )
     remedy = _SEE_MORE_MOVING if moves_far else _MOVE_RADIALLY_AND_SLOWLY
     remedy = _MOVE_ACROSS if _moves_in_one_direction(fit) else remedy

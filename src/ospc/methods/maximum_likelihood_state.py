@@ -67,7 +67,7 @@ def _check_data(found: EpochData, new: EpochData, settings: DefaultSettings, fra
     check_settings("data", found, new, "size")
     check_settings("reservoir", found.reservoir, new.reservoir, "capacity")
     _check_reservoir(found.reservoir, frames)
-    check_settings("stationary", found.stationary, new.stationary, "still_px")
+    check_settings("stationary", found.stationary, new.stationary, "stationary_px")
     if found.stationary.series is not None:
         check_settings("series", found.stationary.series, new.stationary.series, "pixels points frames")
         _check_series(found.stationary.series, new, frames)

@@ -42,7 +42,7 @@ from ospc.settings.methods import (
     MAX_VIGNETTE_ROUNDS,
     MIN_POLYNOMIAL_IRRADIANCE,
     MONOTONICITY_LEVELS,
-    REACH_QUANTILE,
+    RADIAL_MOTION_QUANTILE,
     VIGNETTE_TOLERANCE,
     ZERO_RESIDUAL,
 )
@@ -377,7 +377,7 @@ class PaperMethod(Method):
         self._vignettes = Estimates()
         self._ratios = ExposureRatios.none()
         self._log_exposure_range = (np.inf, -np.inf)
-        self._reach = 0.0
+        self._radial_motion = 0.0
         self._pairs = self._usable = 0
 
     def push(self, frame: Frame, prepared: PreprocessedFrame | None, exposures: ExposureLookup) -> Change | None:
@@ -446,7 +446,9 @@ class PaperMethod(Method):
         """Return the matches of two frames that are clipped in neither."""
         found = self._matcher.correspondences(left, right, self._size)
         if len(found):
-            self._reach = max(self._reach, float(np.quantile(found.radial_displacement, REACH_QUANTILE)))
+            self._radial_motion = max(
+                self._radial_motion, float(np.quantile(found.radial_displacement, RADIAL_MOTION_QUANTILE))
+            )
         return found.select((np.minimum(found.grey0, found.grey1) > 0) & (np.maximum(found.grey0, found.grey1) < 1))
 
     def _keep(self, pairs: Correspondences, samples: list[Correspondences], exposures: ExposureLookup) -> None:
@@ -505,7 +507,7 @@ class PaperMethod(Method):
         low, high = np.exp(self._log_exposure_range).tolist()
         verdicts = {
             "response": response_verdict(self._settings, self._responses, (low, high)),
-            "vignette": vignette_verdict(self._settings, self._vignettes, self._reach, response is not None),
+            "vignette": vignette_verdict(self._settings, self._vignettes, self._radial_motion, response is not None),
         }
         covariance = {"response": self._responses.covariance("c", 0), "vignette": self._vignettes.covariance("v", 1)}
         return Calibration(
@@ -559,20 +561,23 @@ def response_verdict(
     return _verdict(estimates, "small radial displacement", remedy)
 
 
-def vignette_verdict(settings: PaperSettings, estimates: Estimates, reach: float, response_known: bool) -> Verdict:
+def vignette_verdict(
+    settings: PaperSettings, estimates: Estimates, radial_motion: float, response_known: bool
+) -> Verdict:
     """Return whether the vignette is known, given the estimates.
 
-    ``reach`` is the largest radial displacement, in half diagonals, that a tenth of the matches of any pair exceed.
+    ``radial_motion`` is the largest radial displacement, in half diagonals, that a tenth of the matches of any pair
+    exceed.
     """
     if not response_known:
         return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
     needed = settings.vignette_min_radial_displacement
     remedy = "pan and tilt the camera so that the same objects cross the image between centre and corners"
-    if reach < needed and not estimates.accepted:
+    if radial_motion < needed and not estimates.accepted:
         return Verdict(
             "not identifiable",
             f"hardly any scene points move radially by {needed:g} of the half diagonal "
-            f"(nine in ten move less than {reach:.2g})",
+            f"(nine in ten move less than {radial_motion:.2g})",
             remedy,
         )
     return _verdict(estimates, "large radial displacement", remedy)

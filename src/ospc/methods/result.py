@@ -26,7 +26,7 @@ def calibration_of(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     verdicts = {
         "response": response_verdict(settings, fit, observations, unexplained, contradictions),
         "vignette": vignette_verdict(
-            fit, inputs.reach, inputs.standing_still, unexplained, size=inputs.size, contradictions=contradictions
+            fit, inputs.radial_motion, inputs.stationary, unexplained, size=inputs.size, contradictions=contradictions
         ),
     }
     response_known, vignette_known = verdicts["response"].known, verdicts["vignette"].known

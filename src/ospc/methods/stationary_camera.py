@@ -26,7 +26,7 @@ class StationaryCamera:
     Until the camera clearly moves, the grey values of some pixels are kept as observations.
     """
 
-    still_px: float
+    stationary_px: float
     """Median displacement in pixels up to which a camera counts as stationary."""
     series: StaticSeries | None
     """The kept grey values; None once the camera moved."""
@@ -39,11 +39,11 @@ class StationaryCamera:
             return
         self.series.observe(frame)
         motion_px = float(np.median(self.motions)) if self.motions else 0.0
-        moves = len(self.motions) >= MIN_MOVING_PAIRS and motion_px > MOVING_FACTOR * self.still_px
+        moves = len(self.motions) >= MIN_MOVING_PAIRS and motion_px > MOVING_FACTOR * self.stationary_px
         # It may rest most of the time, like a robot arm, or have been moved only once.
         far_px = FAR_MOTION * max(frame.image.shape)
         moves |= sum(motion > far_px for motion in self.motions) >= MIN_FAR_PAIRS
-        if moves or (len(self.motions) >= UNDECIDED_PAIRS and not self.stands_still):
+        if moves or (len(self.motions) >= UNDECIDED_PAIRS and not self.is_stationary):
             self.series = None
 
     def add_motion(self, motion_px: float) -> None:
@@ -52,15 +52,15 @@ class StationaryCamera:
             self.motions = [*self.motions, motion_px][-MAX_MOTIONS:]
 
     @property
-    def stands_still(self) -> bool:
+    def is_stationary(self) -> bool:
         """Whether the camera has never clearly moved and does not move now."""
         if self.series is None or not self.motions:
             return False
         typical_px, largest_px = np.quantile(self.motions, [0.5, 1 - MOVING_SHARE])
         # A pan-tilt unit rests most of the time.
-        return bool(typical_px <= self.still_px and largest_px <= MOVING_FACTOR * self.still_px)
+        return bool(typical_px <= self.stationary_px and largest_px <= MOVING_FACTOR * self.stationary_px)
 
     @property
     def used_series(self) -> StaticSeries | None:
         """The series of grey values used instead of pairs of frames; None if the camera moves."""
-        return self.series if self.stands_still else None
+        return self.series if self.is_stationary else None

@@ -231,7 +231,7 @@ def usable_radius(used: Sequence[Summary]) -> float:
     which hides what other recordings show; a larger one is that of a recording too dark or too short to show where a
     fisheye's image ends.
     """
-    moving = [summary for summary in used if not summary.standing_still]
+    moving = [summary for summary in used if not summary.stationary]
     observed = max((s.observed_radius for s in moving), default=0.0)
     largest = max((s.usable_radius for s in moving), default=1.0)
     return min((s.usable_radius for s in moving if s.usable_radius >= observed), default=largest)
@@ -253,6 +253,6 @@ def _response_alone(summary: Summary) -> Summary:
         triangle=triangle_of(matrix),
         vector=vector,
         systematic=triangle_of(systematic),
-        standing_still=True,
-        reach=0.0,
+        stationary=True,
+        radial_motion=0.0,
     )

@@ -49,7 +49,7 @@ class Information:
         By default, the usable radius is the largest of the summaries, as the reach of the knots always is.
         """
         nothing = np.zeros((PARAMETERS, PARAMETERS))
-        moving = [s for s in summaries if not s.standing_still]
+        moving = [s for s in summaries if not s.stationary]
         if usable_radius is None:
             usable_radius = max((s.usable_radius for s in moving), default=1.0)
         vignette_reach = max((s.vignette_reach for s in moving), default=VIGNETTE_REACH)

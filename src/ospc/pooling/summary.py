@@ -74,9 +74,9 @@ class Summary(ByValue):
         reduce: differences between parts of the recording, and effects that it cannot determine.
     exposure_range_ms
         Shortest and longest exposure.
-    reach
+    radial_motion
         Radial displacement, in half diagonals, of the scene points that determine the vignette.
-    standing_still
+    stationary
         Whether the camera did not move.
     support
         Lowest and highest grey level observed, without the outermost two in a thousand.
@@ -104,8 +104,8 @@ class Summary(ByValue):
     vector: FloatArray
     systematic: FloatArray
     exposure_range_ms: tuple[float, float]
-    reach: float
-    standing_still: bool
+    radial_motion: float
+    stationary: bool
     support: tuple[float, float]
     unexplained: float
     noise: NoiseModel
@@ -139,7 +139,7 @@ class Summary(ByValue):
             0 < self.max_grey <= LARGEST_GREY
             and all(0 <= count <= _MOST for count in counts)
             and 0 < shortest_ms <= longest_ms <= _LONGEST_MS
-            and 0 <= self.reach <= _FARTHEST
+            and 0 <= self.radial_motion <= _FARTHEST
             and 0 <= low <= high <= 1
             and 0 <= self.grey_range.black < self.grey_range.white <= 1
             and MIN_USABLE_RADIUS <= self.usable_radius <= 1
@@ -227,8 +227,8 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
         vector=vector,
         systematic=triangle_of(systematic),
         exposure_range_ms=observations.exposure_range_ms,
-        reach=inputs.reach,
-        standing_still=inputs.standing_still,
+        radial_motion=inputs.radial_motion,
+        stationary=inputs.stationary,
         support=inputs.support,
         grey_range=inputs.grey_range,
         unexplained=unexplained_share(inputs.ratios),

@@ -29,10 +29,10 @@ def response_verdict_of(fit: Fit, used: Sequence[Summary]) -> Verdict:
 
 def vignette_verdict_of(fit: Fit, used: Sequence[Summary], size: ImageSize) -> Verdict:
     """Return the verdict on the vignette from the recordings that agree on it."""
-    standing_still = bool(used) and all(s.standing_still for s in used)
+    stationary = bool(used) and all(s.stationary for s in used)
     unexplained = float(np.median([s.unexplained for s in used])) if used else 0.0
-    reach = max((s.reach for s in used), default=0.0)
-    return vignette_verdict(fit, reach, standing_still, unexplained, size=size)
+    radial_motion = max((s.radial_motion for s in used), default=0.0)
+    return vignette_verdict(fit, radial_motion, stationary, unexplained, size=size)
 
 
 def judged(agreed: Agreement, part: Part, verdict: Verdict, *, recordings: int, counts: bool) -> Verdict:

@@ -109,9 +109,11 @@ def _draw_radii(report: RecordingReport, axes: Any) -> None:
     share = report.pixels.mean_radius_share
     radius = (np.arange(COVERAGE_RADIUS_CELLS) + 0.5) / COVERAGE_RADIUS_CELLS
     axes.bar(radius, np.nan_to_num(share), width=0.9 / COVERAGE_RADIUS_CELLS, color=BLUE, alpha=0.7)
-    reach = report.motion.radial_reach
-    axes.annotate("", xy=(min(reach, 1.0), 1.06), xytext=(0, 1.06), arrowprops={"arrowstyle": "|-|", "color": ORANGE})
-    axes.text(min(reach, 0.5) + 0.02, 1.09, f"radial motion {reach:.2f}", color=ORANGE, fontsize=8)
+    radial = report.motion.radial_motion
+    axes.annotate(
+        "", xy=(min(radial, 1.0), 1.06), xytext=(0, 1.06), arrowprops={"arrowstyle": "|-|", "color": ORANGE}
+    )
+    axes.text(min(radial, 0.5) + 0.02, 1.09, f"radial motion {radial:.2f}", color=ORANGE, fontsize=8)
     axes.set(
         title="Well-exposed share at each radius",
         xlabel=RADIUS_LABEL,

@@ -209,14 +209,14 @@ def _draw_error(axes: Any, curve: _Curve) -> None:
     axes.axhline(0, color=curve.colour, lw=1)
     # The bands of extrapolated parts may be so wide that the others could not be seen.
     seen = (curve.x >= curve.measured[0]) & (curve.x <= curve.measured[1])
-    reach = 0.0 if curve.sigma is None else 2 * float(curve.sigma.max(where=seen, initial=0.0))
+    extent = 0.0 if curve.sigma is None else 2 * float(curve.sigma.max(where=seen, initial=0.0))
     if curve.reference is not None:
         error = curve.value - curve.reference
-        reach = max(reach, float(np.abs(error).max(where=seen, initial=0.0)))
+        extent = max(extent, float(np.abs(error).max(where=seen, initial=0.0)))
         axes.plot(curve.x, error, color=BLACK, lw=1.2)
-    reach = 1.15 * max(reach, _LEAST_EXTENT)
+    extent = 1.15 * max(extent, _LEAST_EXTENT)
     label = f"{'±σ' if curve.reference is None else 'error'} of {curve.name}"
-    axes.set(ylim=(-reach, reach), ylabel=label)
+    axes.set(ylim=(-extent, extent), ylabel=label)
     axes.locator_params(axis="y", nbins=4)
 
 

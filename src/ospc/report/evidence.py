@@ -109,8 +109,8 @@ def draw_radius_coverage(cell: Any, coverage: Coverage) -> Any:
 def draw_place_residual(cell: Any, by_place: FloatArray) -> Any:
     """Draw the median residuals over the image, shape (rows, columns)."""
     known = np.abs(100 * by_place[np.isfinite(by_place)])
-    reach = max(_LEAST_RESIDUAL, float(known.max(initial=0.0)))
-    axes, _ = draw_map(cell, 100 * by_place, _RESIDUAL_LABEL, cmap="PuOr_r", vmin=-reach, vmax=reach)
+    extent = max(_LEAST_RESIDUAL, float(known.max(initial=0.0)))
+    axes, _ = draw_map(cell, 100 * by_place, _RESIDUAL_LABEL, cmap="PuOr_r", vmin=-extent, vmax=extent)
     axes.set(xticks=[], yticks=[], xlabel="across the image", ylabel="down the image")
     return axes
 
@@ -140,8 +140,8 @@ def draw_residual(cell: Any, quantiles: FloatArray, x_end: float, x_label: str, 
     axes.plot(middle, median, color=colour, lw=1.8, label="median")
     known = np.abs(np.concatenate([low, high]))
     known = known[np.isfinite(known)]
-    reach = 1.2 * max(_LEAST_RESIDUAL, float(np.quantile(known, 0.95)) if known.size else 0.0)
-    axes.set(xlim=(0, x_end), ylim=(-reach, 1.3 * reach), xlabel=x_label, ylabel=_RESIDUAL_LABEL)
+    extent = 1.2 * max(_LEAST_RESIDUAL, float(np.quantile(known, 0.95)) if known.size else 0.0)
+    axes.set(xlim=(0, x_end), ylim=(-extent, 1.3 * extent), xlabel=x_label, ylabel=_RESIDUAL_LABEL)
     axes.legend(loc="upper center", ncols=2)
     return axes
 

@@ -27,10 +27,10 @@ _PICTURES = 2
 _WIDTH_PX = 480
 """Width of the pictures, in pixels."""
 _STREAMS = ("video", "rosbag")
-_STREAM_REACH = 300
+_STREAM_FRAMES = 300
 """Frames considered in a recording that can only be read from its beginning."""
 
-_STILL = 0.98
+_STATIONARY_SHARE = 0.98
 """Share of observations within one class of radius above which the camera is considered static."""
 
 Pictures: TypeAlias = tuple[tuple[Image, str], ...]
@@ -74,19 +74,19 @@ def examples_of(calibration: Calibration, recording: Recording, about: str = "")
         return Examples(notes=(f"no pictures: {error}",))
     recording = with_used_exposures(recording, calibration)
     corrector = Corrector(calibration.response, calibration.vignette, recording.max_grey, assume_missing=True)
-    reach = min(len(recording), _STREAM_REACH if recording.kind in _STREAMS else len(recording))
+    frames = min(len(recording), _STREAM_FRAMES if recording.kind in _STREAMS else len(recording))
     notes = [about] if about else []
     pictures: tuple[Pictures, ...] = ()
     try:
-        if _stands_still(calibration.coverage):
-            scenes = _far_exposures(recording.exposures_ms[:reach])
+        if _is_stationary(calibration.coverage):
+            scenes = _far_exposures(recording.exposures_ms[:frames])
         else:
-            scenes = _chosen_pairs(calibration.exposure_ratios, reach)
+            scenes = _chosen_pairs(calibration.exposure_ratios, frames)
         exposure = "exposure {}" if calibration.exponent_sigma else "{} ms"
         pictures = _pictures(corrector, recording, scenes, exposure)
     except OspcError as error:
         notes.append(f"no pictures: {error}")
-    excerpt = _where_exposure_changes(recording, reach)
+    excerpt = _where_exposure_changes(recording, frames)
     tracking = None
     try:
         tracking = compare_tracking(excerpt, corrector)
@@ -96,33 +96,33 @@ def examples_of(calibration: Calibration, recording: Recording, about: str = "")
     return Examples(pictures, tracking, (first, first + len(excerpt)), tuple(notes))
 
 
-def _where_exposure_changes(recording: Recording, reach: int) -> DerivedRecording:
+def _where_exposure_changes(recording: Recording, most: int) -> DerivedRecording:
     """Return the successive frames with the largest range of exposures; the first ones if several are equal."""
-    count = min(_TRACKED_FRAMES, reach)
-    log_exposure = filled(np.log(np.maximum(recording.exposures_ms[:reach], 1e-12)))
+    count = min(_TRACKED_FRAMES, most)
+    log_exposure = filled(np.log(np.maximum(recording.exposures_ms[:most], 1e-12)))
     pieces = np.lib.stride_tricks.sliding_window_view(log_exposure, count)
     frames = int(np.argmax(np.ptp(pieces, axis=1).round(3))) + np.arange(count)
     return DerivedRecording.of(recording, frames, recording.exposures_ms[frames], note="some frames only")
 
 
-def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, ...]]:
+def _chosen_pairs(ratios: ExposureRatios, frames: int) -> list[tuple[int, ...]]:
     """Return the pairs with the largest exposure ratios among those with a large overlap."""
-    inside = np.all(ratios.frames < reach, axis=1)
+    inside = np.all(ratios.frames < frames, axis=1)
     shared = ratios.samples >= max(FEW_SAMPLES, 0.5 * float(ratios.samples.max(initial=0)))
     chosen: list[tuple[int, ...]] = []
     for pair in np.argsort(-np.abs(np.log(ratios.metadata)), kind="stable"):
         first, second = (int(frame) for frame in ratios.frames[pair])
-        far = all(min(abs(first - a), abs(second - b)) > reach // 10 for a, b in chosen)
+        far = all(min(abs(first - a), abs(second - b)) > frames // 10 for a, b in chosen)
         if inside[pair] and shared[pair] and far:
             chosen.append((first, second))
         if len(chosen) == _PICTURES:
             break
-    return chosen or [(reach // 2,)]
+    return chosen or [(frames // 2,)]
 
 
-def _stands_still(coverage: Coverage | None) -> bool:
+def _is_stationary(coverage: Coverage | None) -> bool:
     moves = None if coverage is None else coverage.radius_radius
-    return moves is not None and bool(moves.any()) and float(np.trace(moves) / moves.sum()) > _STILL
+    return moves is not None and bool(moves.any()) and float(np.trace(moves) / moves.sum()) > _STATIONARY_SHARE
 
 
 def _far_exposures(exposures_ms: FloatArray) -> list[tuple[int, ...]]:

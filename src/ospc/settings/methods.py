@@ -203,7 +203,7 @@ fisheye and a wet lens had 2.2 to 3."""
 ONE_WAY_SHARE = 0.9
 """Change of ln exposure from the first frame to the last, as a share of the sum of all changes, from which the advice
 is to raise and lower the exposure several times. It is 1 if the exposure only rises, and 0 if it falls as much."""
-FAR_RADIAL_REACH = 0.2
+FAR_RADIAL_MOTION = 0.2
 """Radial motion, in half diagonals, beyond which more motion is no longer advised: the fifth that is asked for."""
 ONE_DIRECTION_RATIO = 4.0
 """Ratio of the uncertainties of the vignette's centre across and along the motion, above which motion in the other
@@ -237,7 +237,7 @@ MONOTONICITY_LEVELS = 1024
 """Number of grey levels between which a polynomial has to increase: far more than it has bends."""
 MIN_POLYNOMIAL_IRRADIANCE = 1e-6
 """Lower limit of the irradiance before taking its logarithm: below the first grey level of any camera."""
-REACH_QUANTILE = 0.9
+RADIAL_MOTION_QUANTILE = 0.9
 """Quantile of the radial displacements of a pair that counts as its reach: the largest ones may be wrong matches."""
 MAX_CORRECTED_EXPOSURES = 256
 """Maximum number of corrected exposures that a calibration states. Others are interpolated, which is exact for a

@@ -229,7 +229,7 @@ class DefaultSettings:
         Number of knots of ln V in R².
     rounds
         Maximum number of rounds of a fit after the first in which outliers lose weight.
-    still_px
+    stationary_px
         Median displacement, in pixels, up to which a camera counts as stationary.
     series_points
         Maximum number of scene points (single pixels) used from a stationary camera.
@@ -259,7 +259,7 @@ class DefaultSettings:
     series_intervals: int = 64
     radial_terms: int = 16
     rounds: int = 8
-    still_px: float = 0.7
+    stationary_px: float = 0.7
     series_points: int = 1_500
     min_points: int = 200
     min_log_exposure_change: float = 0.05

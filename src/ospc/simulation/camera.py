@@ -187,7 +187,7 @@ def irradiances(settings: SimulationSettings = _DEFAULT, known: Truth | None = N
     attenuation = known.vignette.image()
     exposed: Float32Array | None = None
     for index in range(settings.frames):
-        if exposed is None or not settings.still:
+        if exposed is None or not settings.stationary:
             exposed = _exposed(scene, known, motion, index)
         factor = known.exposures_ms[index] * known.light[index]
         yield exposed * attenuation * np.float32(factor)

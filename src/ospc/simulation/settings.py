@@ -234,7 +234,7 @@ class SimulationSettings:
         return full_well, read_noise
 
     @property
-    def still(self) -> bool:
+    def stationary(self) -> bool:
         """Whether all frames show the same static view."""
         return self.motion == "static" and not self.moving_objects
 

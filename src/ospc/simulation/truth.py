@@ -149,7 +149,7 @@ def _auto_exposure(
     result = np.empty(settings.frames)
     for i, stamp in enumerate(stamps_s):
         result[i] = log_e
-        if i > 0 and not settings.still:
+        if i > 0 and not settings.stationary:
             metered = meter(float(stamp))
         time_ms = min(np.exp(log_e) / settings.gain, settings.exposure_max_ms)
         log_e = controlled(log_e, metered * float(flicker(settings, stamp, np.asarray(time_ms))))

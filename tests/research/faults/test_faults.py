@@ -229,9 +229,9 @@ def test_a_hidden_gain_is_of_blocks(footage):
 
 
 def test_the_vignette_is_judged_where_the_scene_is_seen(footage):
-    assert put("disc", footage, 1).reach == pytest.approx(24 / np.hypot(31.5, 23.5), abs=0.02)
-    assert 0.9 < put("letterbox", footage, 0.15).reach < 1
-    assert put("overlay", footage, 0.05).reach == 1
+    assert put("disc", footage, 1).max_radius == pytest.approx(24 / np.hypot(31.5, 23.5), abs=0.02)
+    assert 0.9 < put("letterbox", footage, 0.15).max_radius < 1
+    assert put("overlay", footage, 0.05).max_radius == 1
 
 
 def test_mixed_up_exposures_are_the_same_values(footage):

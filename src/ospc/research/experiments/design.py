@@ -45,7 +45,7 @@ class Experiment(Methods):
         Settings of the paper's method by name, alike in what affects the matching of the same features.
     rivals
         Creates the methods of other papers for a recording. If nothing is varied, ours is measured as well.
-    speed, at_rest
+    speed, stationary
         Factor on the simulated camera's speed, and whether it is static.
     with_ratios
         Whether exposure ratios are compared with the metadata as well.
@@ -57,7 +57,7 @@ class Experiment(Methods):
     variants: dict[str, PaperSettings] = field(default_factory=dict)
     rivals: Callable[[Source], dict[str, Method]] | None = None
     speed: float = 1.0
-    at_rest: bool = False
+    stationary: bool = False
     varied: dict[str, float] = field(default_factory=dict)
     axis: str = ""
     with_ratios: bool = False
@@ -106,7 +106,7 @@ _ALL = (
             for high, low in THRESHOLDS.items()
         }, speed=_SLOW, varied={f"k ≥ {high}": high for high in THRESHOLDS}, axis="minimum exposure ratio k"),
     Experiment("static", "Responses from a static camera", "response_rmse", (6, 60), rivals=_static_rivals,
-        at_rest=True),
+        stationary=True),
 )  # fmt: skip
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}
 """The experiments by name."""

@@ -63,7 +63,7 @@ class Footage:
         the estimate undoes the curve, and the camera's with the curve, if it does not.
     vignette
         The true vignette; None if unknown.
-    reach, brightest
+    max_radius, brightest
         Largest radius, in half diagonals, at which the images show the scene, and largest grey level, of 1, that they
         can have; vignette and response are judged up to there.
     reference
@@ -84,7 +84,7 @@ class Footage:
     camera: Camera = field(repr=False)
     responses: tuple[Response, ...] = field(repr=False)
     vignette: Vignette | None = None
-    reach: float = 1.0
+    max_radius: float = 1.0
     brightest: float = 1.0
     reference: Calibration | None = field(default=None, repr=False)
     times: tuple[str, ...] = ()

@@ -154,7 +154,7 @@ def _masked(footage: Footage, inside: BoolArray) -> Footage:
     """Make everything outside a mask black, shape (height, width)."""
     height, width = inside.shape
     radius = np.linalg.norm(normalised(pixel_grid((width, height)), (width, height)), axis=-1)
-    return replace(_filtered(footage, lambda image: image * inside), reach=float(radius[inside].max()))
+    return replace(_filtered(footage, lambda image: image * inside), max_radius=float(radius[inside].max()))
 
 
 def _pedestal_by_exposure(footage: Footage, grey_levels: float) -> Footage:

@@ -182,9 +182,9 @@ def _errors(found: Calibration, footage: Footage) -> dict[str, Any]:
         figures |= {"kappa": kappa, "step": log_step(response) - log_step(truth), "step_sigma": sigma}
     if found.vignette is not None and footage.vignette is not None:
         # The images show nothing of the vignette beyond the reach.
-        figures["vignette"] = vignette_rmse(found.vignette, footage.vignette, footage.reach)
+        figures["vignette"] = vignette_rmse(found.vignette, footage.vignette, footage.max_radius)
         if found.vignette_sigma is not None:
-            judged = (PROFILE_RADII > _CENTRE) & (footage.reach >= PROFILE_RADII)
+            judged = (PROFILE_RADII > _CENTRE) & (footage.max_radius >= PROFILE_RADII)
             one, other = (half_diagonal_profiles(v, PROFILE_RADII)[:, 0] for v in (found.vignette, footage.vignette))
             error = one - other
             mean_square = np.mean(error[judged] ** 2) / np.mean(found.vignette_sigma[judged] ** 2)

@@ -158,10 +158,10 @@ def _crowd(footage: Footage, count: float) -> Footage:
 
 
 def _motion_blur(footage: Footage, frames: float) -> Footage:
-    camera, reach = footage.camera, int(frames) // 2
+    camera, span = footage.camera, int(frames) // 2
 
     def averaged(_light: Float32Array, i: int) -> Float32Array:
-        around = range(max(0, i - reach), min(len(footage), i + reach + 1))
+        around = range(max(0, i - span), min(len(footage), i + span + 1))
         mean = np.mean([camera.radiance(j) for j in around], axis=0)
         return np.asarray(mean * camera.attenuation * camera.exposures_ms[i])
 
@@ -170,8 +170,8 @@ def _motion_blur(footage: Footage, frames: float) -> Footage:
 
 def _small_range(footage: Footage, ratio: float) -> Footage:
     logs = np.log(footage.camera.exposures_ms)
-    reach = max(float(np.ptp(logs)), 1e-9)
-    return _reshot(footage, np.exp(np.median(logs) + (logs - np.median(logs)) * np.log(ratio) / reach))
+    span = max(float(np.ptp(logs)), 1e-9)
+    return _reshot(footage, np.exp(np.median(logs) + (logs - np.median(logs)) * np.log(ratio) / span))
 
 
 def _roll_only(footage: Footage, degrees: float) -> Footage:
