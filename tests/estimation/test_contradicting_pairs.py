@@ -40,7 +40,7 @@ def recorded(
 
 
 @cache
-def fitted(share: float, log_error: float, seed: int = 1) -> Fitted:
+def fitted(share: float, log_error: float, seed: int, /) -> Fitted:
     return fit_with_chosen_effects(recorded(share, log_error, seed)[0], PLAN)
 
 
@@ -51,15 +51,15 @@ def left_out(found: Fitted) -> set[int]:
 @pytest.mark.parametrize("share", [0.03, 0.1, 0.2])
 @pytest.mark.parametrize("log_error", [0.08, 0.4])
 def test_they_are_left_out_and_the_response_is_that_of_the_others(share: float, log_error: float) -> None:
-    found = fitted(share, log_error)
+    found = fitted(share, log_error, 1)
     assert left_out(found) == recorded(share, log_error)[1]
     assert not found.fit.errors.gain_variances
-    right = fitted(0.0, 0.0)
+    right = fitted(0.0, 0.0, 1)
     assert log_ratio_error(found.fit.response(), GAMMA) < 1.5 * log_ratio_error(right.fit.response(), GAMMA) + 3e-4
 
 
 def test_they_remain_for_the_comparison_of_exposures() -> None:
-    found = fitted(0.1, 0.4)
+    found = fitted(0.1, 0.4, 1)
     assert found.registered is not None
     assert set(found.registered.group.tolist()) == set(range(GROUPS))
 
@@ -80,7 +80,7 @@ def test_none_is_left_out_if_all_are_inexact(metadata_error: float) -> None:
 
 
 def test_none_is_left_out_if_many_are_wrong() -> None:
-    assert left_out(fitted(0.4, 0.4)) == set()
+    assert left_out(fitted(0.4, 0.4, 1)) == set()
 
 
 def test_pairs_of_few_points_are_not_judged() -> None:

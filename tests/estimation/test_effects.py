@@ -164,9 +164,12 @@ class Disturbed:
             log_exposure_rate=both(rate),
         )
 
-    @cache  # noqa: B019 - several tests share the same fits
     def fit(self, seed: int = 0, frames: int = FRAMES) -> Fit:
-        """Fit the first ``frames`` pairs of frames."""
+        """Fit the first ``frames`` pairs of frames; several tests share the same fits."""
+        return self._fit(seed, frames)
+
+    @cache  # noqa: B019 - it tells calls with and without a default apart, so all arguments are given
+    def _fit(self, seed: int, frames: int) -> Fit:
         everything = self.pairs(seed)
         observations = everything.of_points(everything.group[everything.starts] < frames)
         widest = VignetteBasis(8, free_centre=True, non_radial=True)

@@ -42,6 +42,12 @@ class Held:
         monkeypatch.setattr(Engine, "push", push)
 
 
+@pytest.fixture
+def soon(monkeypatch):
+    """Let advice follow soon, not after the usual pause."""
+    monkeypatch.setattr(live_calibrator, "ADVICE_S", 0.01)
+
+
 def grey(value=0, size=(48, 64)):
     return Frame.of_array(np.full(size, value, np.uint8), 1.0)
 
@@ -371,7 +377,7 @@ def test_frames_that_cannot_be_used_are_counted_with_their_reason(exposure_ms):
 
 @pytest.mark.parametrize("threads", [False, True])
 @pytest.mark.parametrize("error", [RuntimeError("no answer"), MemoryError()])
-def test_a_loader_that_fails_in_any_way_costs_one_frame_and_not_the_run(threads, error):
+def test_a_loader_that_fails_in_any_way_costs_one_frame_and_not_the_run(soon, threads, error):
     def lost():
         raise error
 
@@ -383,7 +389,7 @@ def test_a_loader_that_fails_in_any_way_costs_one_frame_and_not_the_run(threads,
         assert (str(error) or "MemoryError") in live.status.reasons[-1]
 
 
-def test_the_advice_says_why_most_of_the_latest_frames_cannot_be_used():
+def test_the_advice_says_why_most_of_the_latest_frames_cannot_be_used(soon):
     with LiveCalibrator() as live:
         live.push(grey(size=(40, 64)))
         for _ in range(20):
@@ -393,7 +399,7 @@ def test_the_advice_says_why_most_of_the_latest_frames_cannot_be_used():
         assert "64×48 pixels, but the first frame has 64×40" in live.status.advice
 
 
-def test_a_driver_that_hesitates_does_not_change_the_advice():
+def test_a_driver_that_hesitates_does_not_change_the_advice(soon):
     with LiveCalibrator() as live:
         for number in range(30):
             live.push(replace(grey(), exposure_ms=float("nan") if number % 3 == 0 else 1.0))

@@ -196,16 +196,16 @@ def test_a_factor_on_all_exposures_changes_nothing_but_the_exposures(walk, calib
     assert [v.state for v in scaled.verdicts.values()] == [v.state for v in quick.verdicts.values()]
 
 
-def test_frames_coded_as_changes_of_others_double_the_standard_deviations(walk, calibrated, result):
-    coded = calibrated([replace(frame, inter_coded=True) for frame in walk.frames[:90]])
+def test_frames_coded_as_changes_of_others_double_the_standard_deviations(walk, calibrated, quick):
+    coded = calibrated([replace(frame, inter_coded=True) for frame in walk.frames[:QUICK_FRAMES]], QUICK)
     seen = (PROFILE_RADII > 0.2) & (PROFILE_RADII < 0.75)  # the prior limits the rest
-    np.testing.assert_allclose(coded.vignette_sigma[seen], 2 * result.vignette_sigma[seen], rtol=0.3)
+    np.testing.assert_allclose(coded.vignette_sigma[seen], 2 * quick.vignette_sigma[seen], rtol=0.3)
     # The prior counts for more, so the result is not quite the same.
-    levels = np.linspace(*result.response.support, 20)
-    found, expected = (np.log(one.response.inverse(levels)) for one in (coded, result))
-    change = found - expected - np.log(coded.response.inverse(result.response.reference_grey))
-    change += np.log(result.response.inverse(result.response.reference_grey))
-    assert np.all(np.abs(change) < np.interp(levels, result.response.levels, result.response.log_sigma) + 1e-3)
+    levels = np.linspace(*quick.response.support, 20)
+    found, expected = (np.log(one.response.inverse(levels)) for one in (coded, quick))
+    change = found - expected - np.log(coded.response.inverse(quick.response.reference_grey))
+    change += np.log(quick.response.inverse(quick.response.reference_grey))
+    assert np.all(np.abs(change) < np.interp(levels, quick.response.levels, quick.response.log_sigma) + 1e-3)
     assert "inter-frame compression" in coded.notes[0]
 
 
