@@ -24,6 +24,7 @@ import browser
 from ospc.arrays import Float32Array
 from ospc.simulation import camera, rendering, scene
 from ospc.simulation.surface import Face
+from ospc.system.second_thread import SecondThread
 
 cv2.setNumThreads(1)  # OpenCV ignores these variables
 
@@ -102,13 +103,21 @@ def one_room() -> Iterator[None]:
         yield
 
 
+_SECOND_THREAD = SecondThread()
+
+
 @pytest.fixture(scope="module", autouse=True)
 def pictures() -> Iterator[None]:
-    """Draw figures but do not render them, which takes far longer; tests of pictures replace this fixture."""
+    """Draw figures but do not render them, which takes far longer; tests of pictures replace this fixture.
+
+    Commands draw in a second thread instead of a second process, which would render them.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("ospc.report.charts.as_svg", lambda _figure, title: f'<svg aria-label="{escape(title)}"></svg>')
         for module in ("style", "pictures"):
             patch.setattr(f"ospc.report.{module}.as_bytes", lambda _figure, _kind: b"")
+        for module in ("report.drawing", "cli.calibration_run"):
+            patch.setattr(f"ospc.{module}.drawing_process", lambda: _SECOND_THREAD)
         yield
 
 
