@@ -34,9 +34,10 @@ def test_the_picture_shows_both_curves_and_the_known_ratios():
     assert any("partial" in text.get_text() for text in figure.texts)
 
 
-@pytest.mark.parametrize("caveat", ["a formula $\\unknown$", "half a \ud800 character"])
-def test_any_caveat_is_drawn_as_it_is(caveat):
-    assert picture_as_png(ReportFindings(calibration(rests_on=caveat)))
+@pytest.mark.parametrize("text", ["a formula $\\unknown$", "half a \ud800 character"])
+def test_any_name_and_any_caveat_are_drawn_as_they_are(text):
+    assert picture_as_png(ReportFindings(calibration(source={"name": text})))
+    assert picture_as_png(ReportFindings(calibration(rests_on=text)))
 
 
 def test_a_long_title_is_wrapped_and_stays_within_the_picture():
