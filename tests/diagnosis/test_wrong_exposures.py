@@ -72,6 +72,29 @@ def test_another_unit_from_some_frame_on_is_a_jump_and_no_lag(factor: float, lag
     assert re.search(r"jumps by a factor of [\d.]+ at frame (39|40|41|42)", told.verdict.reason)
 
 
+@pytest.mark.parametrize("missing", [range(30, 50), range(30, 80)])
+def test_another_unit_is_seen_in_grey_levels_if_no_frames_near_it_were_compared(missing: range) -> None:
+    history, log_exposure = observed(GOOD)
+    other_unit = log_exposure + np.where(np.arange(FRAMES) < 40, 0.0, np.log(1000))
+    told = findings_from(evidence_of_images([c for c in history.changes if c.frame0 not in missing], other_unit))
+    # At the end of a recording, there are no grey levels to compare with.
+    assert ("at frame 40" in told.verdict.reason) == (missing.stop < FRAMES)
+
+
+@pytest.mark.parametrize("gap", [6, 20])
+@pytest.mark.parametrize("others_are_real", [False, True])
+def test_a_step_that_the_light_compensates_is_doubted_unless_others_are_real(
+    gap: int, *, others_are_real: bool
+) -> None:
+    steps = np.repeat([0.0, 1.8, 0.0, -1.8] if others_are_real else [0.0, 0.0, 0.0, -1.8], FRAMES // 4)
+    light = np.where(np.arange(FRAMES) < 3 * FRAMES // 4, 0.0, 1.8)
+    film = Film(0.1 * wandering(FRAMES) + steps, hidden_log_gain=light)
+    history, log_exposure = observed(film)
+    missing = range(3 * FRAMES // 4 - gap // 2 - 5, 3 * FRAMES // 4 + gap // 2 + 5)
+    told = findings_from(evidence_of_images([c for c in history.changes if c.frame0 not in missing], log_exposure))
+    assert ("jumps" in told.verdict.reason) == (gap < 20 or not others_are_real)
+
+
 @pytest.mark.parametrize("lag", [0, 3])
 @pytest.mark.parametrize("missing", [range(0), range(35, 42)])
 def test_a_real_step_of_the_exposure_is_none(lag: int, missing: range) -> None:

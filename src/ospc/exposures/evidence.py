@@ -14,7 +14,7 @@ from ospc.exposures.lag import estimate_lag, explained_by_inverse
 from ospc.exposures.lag_choice import LagChoice, lag_in_words, leaves_frames
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.table import ExposureReport, ExposureTable, filled, without
-from ospc.exposures.wrong_exposures import away_from, unshown_steps, wrong_exposures
+from ospc.exposures.wrong_exposures import away_from, unreal_steps, unshown_steps, wrong_exposures
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
 from ospc.settings.exposures import DOUBTED_LAG_SIGMAS, MAX_SETTLED_LAG_FRAMES, MAX_UNEXPLAINED_SHARE
@@ -150,7 +150,9 @@ def evidence_of_images(
     known = filled(without(log_exposure, wrong))
     steps = unshown_steps(series, known[first_frame:])
     found = _with_choice(away_from(steps, series), known[first_frame:], choice)
-    found = _with_jumps(found, steps, known[first_frame:]).renumbered(first_frame)
+    found = _with_jumps(found, unreal_steps(steps, series, known[first_frame:]), known[first_frame:]).renumbered(
+        first_frame
+    )
     return replace(found, wrong=wrong, compared=len(series))
 
 

@@ -9,7 +9,13 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import counted, listed
 from ospc.exposures.brightness_series import BrightnessSeries
-from ospc.settings.exposures import MAX_WRONG_SHARE, MIN_SHOWN_SHARE, MIN_UNIT_STEP_LOG, MIN_WRONG_LOG
+from ospc.settings.exposures import (
+    MAX_STEP_GAP_FRAMES,
+    MAX_WRONG_SHARE,
+    MIN_SHOWN_SHARE,
+    MIN_UNIT_STEP_LOG,
+    MIN_WRONG_LOG,
+)
 from ospc.settings.lag import MAX_LAG
 
 
@@ -46,7 +52,7 @@ def unshown_steps(series: BrightnessSeries, log_exposure: FloatArray) -> IntArra
 
     The unit of the exposures probably changes there. A change between frames that were not compared shows in the grey
     levels before and after it. The arguments are those of :func:`wrong_exposures`; there are none if such steps are
-    frequent, or no frame near them was compared with the next.
+    frequent.
     """
     step = np.abs(np.diff(log_exposure))
     suspects = np.flatnonzero(step > MIN_UNIT_STEP_LOG)
@@ -58,15 +64,29 @@ def unshown_steps(series: BrightnessSeries, log_exposure: FloatArray) -> IntArra
     return suspects[shown < MIN_SHOWN_SHARE * step[suspects]]
 
 
+def unreal_steps(steps: IntArray, series: BrightnessSeries, log_exposure: FloatArray) -> IntArray:
+    """Return those of the unshown steps that are certainly not real.
+
+    If the images show other steps, a step between frames that are far from the nearest compared ones may be real: the
+    scene may have changed meanwhile.
+    """
+    if len(steps) == np.count_nonzero(np.abs(np.diff(log_exposure)) > MIN_UNIT_STEP_LOG):
+        return steps
+    after = np.searchsorted(series.frame, steps)
+    frame = np.concatenate([[-np.inf], series.frame, [np.inf]])
+    return steps[frame[after + 1] - frame[after] <= MAX_STEP_GAP_FRAMES]
+
+
 def _change_across(series: BrightnessSeries, places: IntArray) -> FloatArray:
     """Return the change of ln grey from the last pair before each place to the first after it, whatever the lag."""
-    # It is infinite if no pair near the place was compared; zero if all were, so that none needs to be inferred.
+    # It is infinite if it cannot be known; zero if all pairs near the place were compared, so that it is not needed.
     before = np.searchsorted(series.frame, places - MAX_LAG) - 1
     after = np.searchsorted(series.frame, places + MAX_LAG, side="right")
     inside = after - before - 1
     level = np.pad(series.log_grey, 1, mode="edge")  # a place at the end has pairs on one side only
     change = np.abs(level[after + 1] - level[before + 1])
-    return np.where(inside == 0, np.inf, np.where(inside > 2 * MAX_LAG, 0.0, change))
+    unknown = (inside == 0) & ((before < 0) | (after == len(series)))
+    return np.where(unknown, np.inf, np.where(inside > 2 * MAX_LAG, 0.0, change))
 
 
 def _largest_near(values: FloatArray, places: IntArray) -> FloatArray:

@@ -93,6 +93,10 @@ exposures."""
 MIN_UNIT_STEP_LOG = 1.5
 """Least step of ln exposure that no image near it shows and that is left out when the lag is searched for: with any
 lag that moves it to frames that were not compared, the other exposures would seem to fit better."""
+MAX_STEP_GAP_FRAMES = 20
+"""Largest distance between compared frames before and after such a step that shows that it is not real although
+others are. In a recording with three steps by a factor of 6.6, the light changed as much as the exposure within 40
+frames, in the opposite direction."""
 DOUBTED_WRONG_SHARE, MAX_WRONG_SHARE = 0.05, 0.1
 """Number of such exposures, relative to the compared pairs of frames, above which the other exposures are doubted,
 too, and above which none can be told from the right ones."""
