@@ -83,6 +83,8 @@ class Disturbed:
     """Rise of ln of the light from the first frame to the last."""
     ramp: bool = False
     """Whether the exposure only rises."""
+    jitter: float = 0.0
+    """Standard deviation of ln of the exposure about the ramp."""
     apart: int = 1
     """Distance in frames of the two frames of a pair."""
     shortest: float = -1.0
@@ -98,7 +100,8 @@ class Disturbed:
         true_ms = TYPICAL_MS * np.exp(random.uniform(self.shortest, 1, (FRAMES, 2)))[group]
         number = 2 * np.arange(FRAMES)[:, None] + [0, self.apart]
         part = (number / number.max())[group]
-        true_ms = TYPICAL_MS * np.exp(2 * part - 1) if self.ramp else true_ms
+        jitter = np.random.default_rng([seed, 2]).normal(0, self.jitter, (FRAMES, 2))[group]
+        true_ms = TYPICAL_MS * np.exp(2 * part - 1 + jitter) if self.ramp else true_ms
         rate = random.normal(0, 0.1, (FRAMES, 2))[group]
         stated_ms = true_ms * np.exp(-self.late * rate) - self.offset * TYPICAL_MS
         if self.speeds:
@@ -345,6 +348,15 @@ def test_light_may_drift_while_the_exposure_only_rises(rise: float) -> None:
     (drift,) = (one for one in ramp.effect_estimates if one.name == "drifting light")
     assert drift.sigma == pytest.approx(0.05, rel=0.1)
     assert not drift.corrected
+    assert abs(step_in_sigmas(ramp)) < 3
+    assert ramp.log_response_step_sigma(0.25, 0.75) > 3 * both_ways.log_response_step_sigma(0.25, 0.75)
+
+
+def test_a_drift_is_not_corrected_if_the_exposure_hardly_does_more_than_rise() -> None:
+    """Small errors imitate it, which its correction would hide."""
+    ramp, both_ways = (Disturbed(rise=0.2, ramp=True, jitter=jitter, apart=20).fit() for jitter in (0.15, 0.5))
+    assert "drifting light" in both_ways.effects.chosen
+    assert "drifting light" not in ramp.effects.chosen
     assert abs(step_in_sigmas(ramp)) < 3
     assert ramp.log_response_step_sigma(0.25, 0.75) > 3 * both_ways.log_response_step_sigma(0.25, 0.75)
 

@@ -49,6 +49,7 @@ from ospc.settings.effects import (
     EXPOSURES_PER_CURVE,
     MIN_GROUPS,
     MOST_CURVES,
+    MOST_RAMP_CORRELATION,
     MOST_SCATTERED_SHARE,
     PREFERRED_SHARE,
     SIGNIFICANT_SIGMAS,
@@ -157,6 +158,7 @@ def _with_effects(
     most_curves = _distinguishable_curves(observations)
     tested = fitted.fit.groups >= MIN_GROUPS
     names = tuple(trial.name for trial in plain_trials)
+    left_out = (*left_out, *_indistinguishable(observations))
     untried = tuple(name for name in names if tested and name not in left_out)
     while suspect := _suspected(trials, untried):
         untried = tuple(name for name in untried if name != suspect.name)
@@ -193,6 +195,12 @@ def _shown_by_own_light(fit: Fit, observations: ExposedObservations, plan: FitPl
         return True
     left = observations.of_points(own)
     return len(np.unique(left.group)) < MIN_GROUPS or _significant(plan.refit(left, fit), -1)
+
+
+def _indistinguishable(observations: ExposedObservations) -> tuple[str, ...]:
+    """Return the effects that are almost a power of the exposures: a drift while the exposure rises or falls."""
+    correlation = np.corrcoef(observations.log_exposure, observations.frame)[0, 1]
+    return (DRIFTING_LIGHT,) if abs(correlation) > MOST_RAMP_CORRELATION else ()
 
 
 def _distinguishable_curves(observations: ExposedObservations) -> int:

@@ -74,7 +74,7 @@ def unreal_steps(steps: IntArray, series: BrightnessSeries, log_exposure: FloatA
         return steps
     after = np.searchsorted(series.frame, steps)
     frame = np.concatenate([[-np.inf], series.frame, [np.inf]])
-    return steps[frame[after + 1] - frame[after] <= MAX_STEP_GAP_FRAMES]
+    return np.asarray(steps[frame[after + 1] - frame[after] <= MAX_STEP_GAP_FRAMES])
 
 
 def _change_across(series: BrightnessSeries, places: IntArray) -> FloatArray:
