@@ -169,7 +169,7 @@ def test_a_camera_whose_white_scatters_is_calibrated(white, pan, calibrated):
         image = np.clip(noisy, 0, 255).astype(np.uint8)
         processed.append(Frame.of_array(image, frame.exposure_ms, index=frame.index, stamp_s=frame.stamp_s))
     result = calibrated(processed, replace(QUICK, longest_side_px=DefaultSettings().longest_side_px))
-    assert any("of 255 for white" in note for note in result.notes)
+    assert any("taken for white" in note for note in result.notes)
     seen = np.array([0.2, 0.4, 0.6, 0.8, 0.95])
     estimate, truth = result.response.inverse(white / 255 * seen), pan.truth.response.inverse(200 / 255 * seen)
     np.testing.assert_allclose(np.diff(np.log(estimate)), np.diff(np.log(truth)), atol=0.015)

@@ -72,7 +72,7 @@ def test_a_contradiction_is_not_why_a_stationary_camera_shows_no_vignette():
 def test_wider_exposures_are_only_asked_for_if_they_were_narrower(times, asks):
     verdict = response(times=times)
     assert verdict.state == "not identifiable"
-    assert ("sweep the exposure up and down by a factor of 8 or more" in verdict.remedy) is asks
+    assert ("let the exposure change by a factor of 8 or more" in verdict.remedy) is asks
     assert verdict.remedy
 
 
@@ -145,10 +145,12 @@ def test_unsteady_light_is_accounted_for_and_its_remedy_asks_for_no_wider_exposu
     [
         ("gain step 3 of 15", -0.007, "images with exposures above 8 ms are 0.7% ± 0.1% darker than"),
         ("gain step 3 of 15", 0.02, "images with exposures above 8 ms are 2.0% ± 0.1% brighter than"),
-        ("stray light at the corners", 0.01, "adds 1.00% ± 0.10% of white at the corners at 4 ms"),
-        ("stray light sideways", -0.01, "adds -1.00% ± 0.10% of white per half diagonal to the right at 4 ms"),
+        ("stray light at the corners", 0.01, "is 1.00% ± 0.10% of white stronger at the corners at 4 ms"),
+        ("stray light sideways", -0.01, "is 1.00% ± 0.10% of white weaker per half diagonal to the right at 4 ms"),
         ("dark signal at the top left", 0.003, "0.30% ± 0.10% of white higher at the top left"),
-        ("glare in the centre", 0.02, "adds 2.0% ± 0.1% of the mean irradiance of each frame in the centre"),
+        ("glare in the centre", 0.02, "is 2.0% ± 0.1% of the mean irradiance of each frame stronger in the centre"),
+        ("dark signal vertically", -0.003, "0.30% ± 0.10% of white lower per half diagonal downwards"),
+        ("drifting light", -0.1, "the light fell by 10.0% ±"),
     ],
 )
 def test_a_note_states_size_and_place_of_what_was_corrected(name, value, words):

@@ -98,7 +98,10 @@ def test_an_end_that_hardly_any_value_reaches_is_none():
 
 def test_a_limited_range_is_stated_in_the_grey_values_of_the_camera() -> None:
     limited = GreyRange(16 / 255, 235 / 255)
-    assert limited.note(255).endswith("assuming 16 of 255 for black and 235 of 255 for white")
-    assert limited.note(4095).endswith("assuming 257 of 4095 for black and 3774 of 4095 for white")
-    assert GreyRange(white=0.5).note(4095).endswith("assuming 2048 of 4095 for white")
+    low, high = limited.note(255).split("; ")
+    assert low == "hardly any grey value is below 16 of 255, which is taken for black"
+    assert high == "hardly any grey value is above 235 of 255, which is taken for white"
+    assert "below 257 of 4095" in limited.note(4095)
+    assert "above 3774 of 4095" in limited.note(4095)
+    assert GreyRange(white=0.5).note(4095) == "hardly any grey value is above 2048 of 4095, which is taken for white"
     assert not FULL_RANGE.note(4095)

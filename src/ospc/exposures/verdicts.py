@@ -189,7 +189,7 @@ def _on_unknown_lag(evidence: ExposureEvidence) -> tuple[Verdict, _Standing]:
     if _fit_settles_lag(evidence):
         few = "consecutive frames overlap too little to check them otherwise"
         if compared is not None and candidates:
-            few = f"brightness changes alone allow lags of {either(evidence.lag)} frames"
+            few = f"brightness changes alone would also allow lags of {either(evidence.lag)} frames"
         text = f"exposures belong to their frames, as the fit shows; {few}"
         return Verdict("identifiable", text), "settled by fit"
     return _open(evidence), "open"

@@ -18,25 +18,33 @@ from ospc.photometry.verdict import INEXACT_EXPOSURES, LATE_EXPOSURES, NOMINAL_E
 from ospc.settings.methods import MAX_CORRECTED_EXPOSURES, MIN_NOTED_GAIN
 
 _EDGES = {"sideways": "per half diagonal to the right", "vertically": "per half diagonal downwards"}
-"""Where light is added that grows from one edge of the image to the opposite one."""
+"""Where light grows from one edge of the image to the opposite one."""
 
-_STRAY = "light fixed to the camera (a leak, a reflection, dark current) adds {{amount}} of white {} at {{typical}}"
+_STRAY = "light fixed to the camera (a leak, a reflection, dark current) is {{amount}} of white {{stronger}} {}"
 
 _LIGHT = {
     "veiling glare": "veiling glare of {amount} of the mean irradiance of each frame was found and corrected",
     "light scattered nearby": "{amount} of the light is scattered nearby; this was corrected",
     **{
-        name: f"glare adds {{amount}} of the mean irradiance of each frame {where}; this was corrected"
+        name: f"glare is {{amount}} of the mean irradiance of each frame {{stronger}} {where}; this was corrected"
         for name, where in UNEVEN_GLARE.items()
     },
-    **{name: _STRAY.format(_EDGES.get(where, where)) + "; this was corrected" for name, where in STRAY_LIGHT.items()},
     **{
-        name: f"the black level is {{amount}} of white higher {_EDGES.get(where, where)}; this was corrected"
+        name: _STRAY.format(_EDGES.get(where, where)) + " at {typical}; this was corrected"
+        for name, where in STRAY_LIGHT.items()
+    },
+    **{
+        name: f"the black level is {{amount}} of white {{higher}} {_EDGES.get(where, where)}; this was corrected"
         for name, where in DARK_SIGNAL.items()
     },
-    DRIFTING_LIGHT: "the light changed by {amount} from the first frame to the last; this was corrected",
+    DRIFTING_LIGHT: "the light {rose} by {amount} from the first frame to the last; this was corrected",
 }
-"""The note on light that was added or changed, with its amount and the exposure."""
+"""The note on light that was added or changed, with its absolute amount and the exposure."""
+_WORDS = {
+    True: {"stronger": "stronger", "higher": "higher", "rose": "rose"},
+    False: {"stronger": "weaker", "higher": "lower", "rose": "fell"},
+}
+"""The words in these notes if the amount is positive, or negative."""
 
 _RANDOM = {
     UNSTEADY_LIGHT: (
@@ -75,8 +83,8 @@ def _corrected(found: EffectEstimate, effects: Effects) -> str:
     digits = 2 if found.name in LIGHT_FIXED_TO_CAMERA else 1
     sigma = f"± {found.sigma:.{digits}%}"
     if found.name in _LIGHT:
-        amount = f"{found.value:.{digits}%} {sigma}"
-        return _LIGHT[found.name].format(amount=amount, typical=f"{plain(typical_ms, 3)} ms")
+        amount, words = f"{abs(found.value):.{digits}%} {sigma}", _WORDS[found.value >= 0]
+        return _LIGHT[found.name].format(amount=amount, typical=f"{plain(typical_ms, 3)} ms", **words)
     if found.name in GAIN_STEPS:
         limit_ms = effects.step_exposures[GAIN_STEPS.index(found.name)] * typical_ms
         share, than = f"{abs(found.value):.1%} {sigma}", "brighter" if found.value > 0 else "darker"

@@ -36,8 +36,8 @@ _SEE_MORE = (
     "but too little of the scene is well exposed in two frames"
 )
 _CHANGE_EXPOSURE = (
-    "record with auto exposure on while moving between dark and bright places, or sweep the exposure up and down by "
-    f"a factor of {WIDE_EXPOSURE_RATIO:g} or more"
+    f"let the exposure change by a factor of {WIDE_EXPOSURE_RATIO:g} or more: record with auto exposure on while "
+    "moving between dark and bright places, or sweep the exposure up and down"
 )
 _THREE_EXPOSURES = (
     "use three or more different exposures: two do not show whether a constant is missing in both, on which the "
@@ -103,7 +103,7 @@ def response_verdict(
     if fit is None:
         return Verdict(
             "not identifiable",
-            f"hardly any scene points were seen at different exposures (all are {range_in_words(low, high)})",
+            f"hardly any scene points were seen at clearly different exposures (from {range_in_words(low, high)})",
             _CHANGE_EXPOSURE,
         )
     found = response_verdict_of_fit(fit, (low, high), unexplained, contradictions)

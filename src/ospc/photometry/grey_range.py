@@ -48,12 +48,13 @@ class GreyRange:
         return f"{round(max_grey * self.black)} and {round(max_grey * self.white)} of {max_grey}"
 
     def note(self, max_grey: int) -> str:
-        """Return a sentence about the range in grey values; empty if it is full."""
-        ends = (("black", self.black, 0.0), ("white", self.white, 1.0))
-        found = [
-            f"{round(max_grey * level)} of {max_grey} for {name}" for name, level, usual in ends if level != usual
-        ]
-        return f"the range of grey values is limited: assuming {' and '.join(found)}" if found else ""
+        """Return a note on the range in grey values; empty if it is full."""
+        ends = (("below", "black", self.black, 0.0), ("above", "white", self.white, 1.0))
+        return "; ".join(
+            f"hardly any grey value is {where} {round(max_grey * level)} of {max_grey}, which is taken for {name}"
+            for where, name, level, usual in ends
+            if level != usual
+        )
 
     def stretched_noise(self, noise: NoiseModel) -> NoiseModel:
         """Return the noise of stretched grey levels."""
