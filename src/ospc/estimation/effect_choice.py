@@ -91,7 +91,7 @@ def fit_with_chosen_effects(observations: ExposedObservations, plan: FitPlan) ->
 def _all_tried(plain: Fitted, plan: FitPlan) -> tuple[Sequence[Trial], Fitted, Sequence[Trial]]:
     """Return trials of all effects, the fit with the significant ones, and trials of the others."""
     plain_trials = estimate_effects(plain, tuple(EFFECTS))
-    return plain_trials, *_with_effects(plain, plain_trials, plan)
+    return plain_trials, *_with_effects(plain, plain_trials, plan, *_indistinguishable(plain.observations))
 
 
 def _of_stationary_camera(plain: Fitted, plan: FitPlan) -> Fit:
@@ -158,7 +158,6 @@ def _with_effects(
     most_curves = _distinguishable_curves(observations)
     tested = fitted.fit.groups >= MIN_GROUPS
     names = tuple(trial.name for trial in plain_trials)
-    left_out = (*left_out, *_indistinguishable(observations))
     untried = tuple(name for name in names if tested and name not in left_out)
     while suspect := _suspected(trials, untried):
         untried = tuple(name for name in untried if name != suspect.name)
@@ -171,7 +170,7 @@ def _with_effects(
             continue
         if sum(name in CURVES_OF_EXPOSURES for name in wider.effects.chosen) > most_curves:
             # Every exposure has its own error, which latent gains describe better.
-            return _with_effects(plain, plain_trials, plan, *CURVES_OF_EXPOSURES)
+            return _with_effects(plain, plain_trials, plan, *left_out, *CURVES_OF_EXPOSURES)
         if suspect.name in CONTRADICTIONS:
             return replace(fitted, fit=wider), trials
         fitted = replace(fitted, fit=wider)

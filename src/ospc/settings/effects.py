@@ -58,9 +58,9 @@ LIGHT_DRIFT, LIGHT_DRIFT_FRAMES = (0.05, 0.02, 0.001), 100
 recordings without drift, chance explained the values, 0.0013 in the median and 0.008 at most. In fewer frames than
 this, it rises in proportion less."""
 MOST_RAMP_CORRELATION = 0.9
-"""Correlation of ln exposure with time above which a drift of the light is not corrected, but widens the uncertainty:
-it is almost a power of the exposures. In a slow ramp with 0.95, a drift of 0.088 ± 0.013 was found in constant light;
-with its correction, ln g(0.75)/g(0.25) was off by 9 standard deviations."""
+"""Correlation of ln exposure with time above which a drift of the light is not corrected if the camera moves, but
+widens the uncertainty: it is almost a power of the exposures. In a slow ramp with 0.95, a drift of 0.088 ± 0.013 was
+found in constant light; with its correction, ln g(0.75)/g(0.25) was off by 9 standard deviations."""
 NOMINAL, LEAST_NOMINAL, MOST_NOMINAL = (1.0, 0.0, 0.01), 0.5, 1.5
 """Share of the distance of the exposures from the closest third or half of a stop by which they are wrong, 1 if they
 are nominal shutter speeds; and its plausible range. 48 recordings with other exposures had at most 0.0013, or 0.011
