@@ -150,9 +150,8 @@ def evidence_of_images(
     known = filled(without(log_exposure, wrong))
     steps = unshown_steps(series, known[first_frame:])
     found = _with_choice(away_from(steps, series), known[first_frame:], choice)
-    found = _with_jumps(found, unreal_steps(steps, series, known[first_frame:]), known[first_frame:]).renumbered(
-        first_frame
-    )
+    certain = unreal_steps(steps, series, known[first_frame:])
+    found = _with_jumps(found, certain, known[first_frame:]).renumbered(first_frame)
     return replace(found, wrong=wrong, compared=len(series))
 
 

@@ -40,11 +40,8 @@ _LIGHT = {
     DRIFTING_LIGHT: "the light {rose} by {amount} from the first frame to the last; this was corrected",
 }
 """The note on light that was added or changed, with its absolute amount and the exposure."""
-_WORDS = {
-    True: {"stronger": "stronger", "higher": "higher", "rose": "rose"},
-    False: {"stronger": "weaker", "higher": "lower", "rose": "fell"},
-}
-"""The words in these notes if the amount is positive, or negative."""
+_OPPOSITE = {"stronger": "weaker", "higher": "lower", "rose": "fell"}
+"""The words in these notes, and those that replace them if the amount is negative."""
 
 _RANDOM = {
     UNSTEADY_LIGHT: (
@@ -83,7 +80,8 @@ def _corrected(found: EffectEstimate, effects: Effects) -> str:
     digits = 2 if found.name in LIGHT_FIXED_TO_CAMERA else 1
     sigma = f"± {found.sigma:.{digits}%}"
     if found.name in _LIGHT:
-        amount, words = f"{abs(found.value):.{digits}%} {sigma}", _WORDS[found.value >= 0]
+        amount = f"{abs(found.value):.{digits}%} {sigma}"
+        words = {word: word if found.value >= 0 else opposite for word, opposite in _OPPOSITE.items()}
         return _LIGHT[found.name].format(amount=amount, typical=f"{plain(typical_ms, 3)} ms", **words)
     if found.name in GAIN_STEPS:
         limit_ms = effects.step_exposures[GAIN_STEPS.index(found.name)] * typical_ms
