@@ -14,8 +14,8 @@ from ospc.recording.stream import frames_of
 
 IMAGE_BYTES = SIZE[0] * SIZE[1]
 # Bags are read in chunks of one megabyte; both recordings are longer.
-FEW, SHORT, LONG = 8, 100, 200
-MOST_BYTES = 6 * 2**20
+FEW, SHORT, LONG = 8, 120, 240
+MOST_BYTES = 5 * 2**20
 # Frames' names and numbers are kept in memory; they are far smaller than the images.
 MOST_BYTES_MORE = 0.2 * (LONG - SHORT) * IMAGE_BYTES
 

@@ -124,6 +124,7 @@ def _unpacked(file: BinaryIO, start_ns: int) -> Iterator[tuple[int, bytes]]:
             yield opcode, content
             continue
         chunk = _parsed(_CHUNK, content)
+        del content  # as large as the chunk, which has a copy
         if chunk.message_end_time >= start_ns:
             yield from _records(BytesIO(expand(chunk.data, chunk.compression, chunk.uncompressed_size)), wanted)
 
