@@ -185,9 +185,9 @@ def select_lag(tried: LagHypotheses) -> LagEstimate:
 
 def _lead_sigmas(tried: LagHypotheses, best: int) -> FloatArray:
     """Return the lead of the best lag over each lag in standard deviations, shape (m,)."""
-    reach = CORRELATED_PAIRS + tried.series.interval_frames - 1
+    bandwidth = CORRELATED_PAIRS + tried.series.interval_frames - 1
     best_fit = tried.fits[best]
-    sigmas = np.array([_mean_sigmas(best_fit.log_likelihood - fit.log_likelihood, reach) for fit in tried.fits])
+    sigmas = np.array([_mean_sigmas(best_fit.log_likelihood - fit.log_likelihood, bandwidth) for fit in tried.fits])
     sigmas[best] = 0.0
     return sigmas
 
@@ -242,13 +242,13 @@ def _objection(tried: LagHypotheses, best: int, fraction_frames: float) -> LagSt
     return "changing" if _halves_differ(tried, best) else None
 
 
-def _mean_sigmas(values: FloatArray, reach: int) -> float:
-    """Return a mean over its standard error, allowing for correlation up to ``reach`` pairs (Newey, West 1987)."""
+def _mean_sigmas(values: FloatArray, bandwidth: int) -> float:
+    """Return a mean over its standard error for correlated pairs (Newey, West 1987: ``bandwidth``)."""
     centred = values - values.mean()
     independent = float(np.mean(centred**2))
     variance = independent
-    for step in range(1, min(reach, len(values) - 1) + 1):
-        variance += 2 * (1 - step / (reach + 1)) * float(np.mean(centred[step:] * centred[:-step]))
+    for step in range(1, min(bandwidth, len(values) - 1) + 1):
+        variance += 2 * (1 - step / (bandwidth + 1)) * float(np.mean(centred[step:] * centred[:-step]))
     variance = max(variance, independent * MIN_CORRELATED_VARIANCE_RATIO)
     return float(values.mean() * np.sqrt(len(values) / variance)) if variance > 0 else 0.0
 

@@ -54,10 +54,10 @@ def unshown_steps(series: BrightnessSeries, log_exposure: FloatArray) -> IntArra
     levels before and after it. The arguments are those of :func:`wrong_exposures`; there are none if such steps are
     frequent.
     """
-    step = np.abs(np.diff(log_exposure))
-    suspects = np.flatnonzero(step > MIN_UNIT_STEP_LOG)
+    suspects = _unit_steps(log_exposure)
     if not len(suspects) or len(suspects) > MAX_WRONG_SHARE * len(series):
         return np.empty(0, np.int64)
+    step = np.abs(np.diff(log_exposure))
     change = np.zeros(len(step))
     change[series.frame] = np.abs(series.means[0])
     shown = np.maximum(_largest_near(change, suspects), _change_across(series, suspects))
@@ -70,11 +70,16 @@ def unreal_steps(steps: IntArray, series: BrightnessSeries, log_exposure: FloatA
     If the images show other steps, a step between frames that are far from the nearest compared ones may be real: the
     scene may have changed meanwhile.
     """
-    if len(steps) == np.count_nonzero(np.abs(np.diff(log_exposure)) > MIN_UNIT_STEP_LOG):
+    if len(steps) == len(_unit_steps(log_exposure)):
         return steps
     after = np.searchsorted(series.frame, steps)
     frame = np.concatenate([[-np.inf], series.frame, [np.inf]])
     return np.asarray(steps[frame[after + 1] - frame[after] <= MAX_STEP_GAP_FRAMES])
+
+
+def _unit_steps(log_exposure: FloatArray) -> IntArray:
+    """Return after which frames the exposures change as much as with another unit."""
+    return np.flatnonzero(np.abs(np.diff(log_exposure)) > MIN_UNIT_STEP_LOG)
 
 
 def _change_across(series: BrightnessSeries, places: IntArray) -> FloatArray:

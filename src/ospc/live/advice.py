@@ -229,8 +229,8 @@ def _options(preview: Preview, knowledge: Knowledge, goal: float) -> Iterator[_O
             yield _Option(replace(instruction, greys=greys), float(gains[at]))
         middle = (TARGET_GREYS >= DARK_GREY) & (TARGET_GREYS <= BRIGHT_GREY)
         yield _Option(_VARY, float(gains[middle].max()))
-    reach = min(1.0, knowledge.fit.vignette_basis.usable_radius / TARGET_RADII[-1])
-    ways = [(reach * a, reach * b) for a in TARGET_RADII for b in TARGET_RADII if b > a]
+    scale = min(1.0, knowledge.fit.vignette_basis.usable_radius / TARGET_RADII[-1])
+    ways = [(scale * a, scale * b) for a in TARGET_RADII for b in TARGET_RADII if b > a]
     gains_of_motion = [knowledge.gain_of_motion(*radii, TYPICAL_GREY, goal) for radii in ways]
     best = int(np.argmax(gains_of_motion))
     yield _Option(_motion(*ways[best], _least_seen_corner(preview)), gains_of_motion[best])

@@ -238,7 +238,8 @@ MONOTONICITY_LEVELS = 1024
 MIN_POLYNOMIAL_IRRADIANCE = 1e-6
 """Lower limit of the irradiance before taking its logarithm: below the first grey level of any camera."""
 RADIAL_MOTION_QUANTILE = 0.9
-"""Quantile of the radial displacements of a pair that counts as its reach: the largest ones may be wrong matches."""
+"""Quantile of the radial displacements of a pair that counts as its radial motion: the largest ones may be wrong
+matches."""
 MAX_CORRECTED_EXPOSURES = 256
 """Maximum number of corrected exposures that a calibration states. Others are interpolated, which is exact for a
 constant offset; cameras whose exposures are thirds of a stop have at most 40."""

@@ -181,7 +181,7 @@ def _errors(found: Calibration, footage: Footage) -> dict[str, Any]:
             sigma = math.hypot(sigma, step_sigma(footage.reference) or 0.0)
         figures |= {"kappa": kappa, "step": log_step(response) - log_step(truth), "step_sigma": sigma}
     if found.vignette is not None and footage.vignette is not None:
-        # The images show nothing of the vignette beyond the reach.
+        # The images show nothing of the vignette beyond this radius.
         figures["vignette"] = vignette_rmse(found.vignette, footage.vignette, footage.max_radius)
         if found.vignette_sigma is not None:
             judged = (PROFILE_RADII > _CENTRE) & (footage.max_radius >= PROFILE_RADII)
