@@ -86,7 +86,7 @@ class Camera:
             grey_variance=np.zeros(2 * exposed.sum()),
             grey_third_moment=np.zeros(2 * exposed.sum()),
             frame_moments=np.zeros((2 * exposed.sum(), 6)),
-            surround_moments=np.zeros((2 * exposed.sum(), 7)),
+            surround_moments=np.zeros((2 * exposed.sum(), 2, 7)),
             frame=np.stack([2 * group, 2 * group + 1], axis=1)[exposed].ravel(),
             point=np.repeat(np.arange(exposed.sum()), 2),
             group=np.repeat(group[exposed], 2),

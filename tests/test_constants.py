@@ -24,7 +24,7 @@ CHECKED = [path for path in MODULES if path.relative_to(ROOT).parts[0] in WITH_S
 STAY_IN_THE_CODE = {
     # Parts of formulas: stencils, nodes, powers, directions, and sizes and indices that follow from settings.
     "NODES", "CENTRE", "_TAPS", "_EVEN", "(_SLOPE, _CURVATURE)", "_SUMS", "_LAPLACIANS", "_NEIGHBOURS", "_CORNERS",
-    "_VIGNETTE_POWERS", "RESPONSE_PARAMETERS", "PARTS", "_LATER", "_NORMAL", "MOMENTS", "_WIDTHS",
+    "_VIGNETTE_POWERS", "RESPONSE_PARAMETERS", "PARTS", "_LATER", "_NORMAL", "MOMENTS", "SURROUND_MOMENTS", "_WIDTHS",
     "_RADIAL", "(_RIGHT, _DOWN)", "_DIAGONAL", "_TURNS", "_PLACES", "RESPONSE_PART", "SHAPES",
     # Effects, which are defined by settings; their bound of 0 excludes negative light.
     "EFFECTS",

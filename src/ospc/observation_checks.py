@@ -31,8 +31,8 @@ def check_values(values: Mapping[str, npt.NDArray[Any]], shapes: Mapping[str, tu
     grey = values["grey"]
     if np.any((grey < 0) | (grey > 1)):
         raise SettingError("grey levels must be in [0, 1]; divide grey values by the largest possible value")
-    moments = np.concatenate([values["frame_moments"], values["surround_moments"]], axis=1)
-    if np.any((moments < 0) | (moments > 1)):
+    moments = (values["frame_moments"], values["surround_moments"])
+    if any(np.any((mean < 0) | (mean > 1)) for mean in moments):
         raise SettingError("means of powers of the grey level must be in [0, 1]")
     if np.any(np.hypot(*values["position"].T) > 1 + POSITION_TOLERANCE):
         raise SettingError("a position is outside the image; positions are relative to its centre, in half diagonals")

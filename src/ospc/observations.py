@@ -16,13 +16,17 @@ from ospc.numerics.robust import weighted_median
 from ospc.observation_checks import check_values, whole_numbers
 from ospc.photometry.grey_range import GreyRange
 from ospc.settings.fit import MAX_SKEWNESS
+from ospc.settings.registration import SURROUND_SIGMAS
 from ospc.settings.sampling import CLIPPED_MARGIN, GREY_POWERS
 
 MOMENTS = GREY_POWERS + 1
 """The means of the powers of the grey level, and the share of saturated pixels, whose grey level does not determine
 their irradiance."""
 
-_WIDTHS = {"position": (2,), "frame_moments": (MOMENTS,), "surround_moments": (1 + MOMENTS,)}
+SURROUND_MOMENTS = (len(SURROUND_SIGMAS), 1 + MOMENTS)
+"""Shape of the sums of these and of 1 around a point: a row for each distance over which light is scattered."""
+
+_WIDTHS = {"position": (2,), "frame_moments": (MOMENTS,), "surround_moments": SURROUND_MOMENTS}
 """Additional dimensions of fields with more than one."""
 
 _SINGLE_PRECISION = ("frame_moments", "surround_moments")
@@ -73,9 +77,9 @@ class Observations(ByValue):
         Means of M … M⁵ over the frame, and the share of saturated pixels, shape (n, 6). They give the mean
         irradiance of the frame. Zero if unknown; veiling glare is then not detected.
     surround_moments
-        Sums of 1, M … M⁵ and of saturated pixels around the position, shape (n, 7), with Gaussian weights whose
-        standard deviation is a tenth of the longer side; pixels outside the frame count as zero. Zero if unknown;
-        locally scattered light and local tone mapping are then not detected.
+        Sums of 1, M … M⁵ and of saturated pixels around the position, shape (n, 2, 7), with Gaussian weights whose
+        standard deviations are a tenth and a quarter of the longer side; pixels outside the frame count as zero. Zero
+        if unknown; scattered light and local tone mapping are then not detected.
     frame
         Number of the frame, shape (n,).
     point
@@ -134,7 +138,7 @@ class Observations(ByValue):
             As in the attributes, shape (points,) or one number. The gradient, in full scale per pixel, determines how
             much a registration error changes the grey level.
         frame_moments0, frame_moments1, surround_moments0, surround_moments1
-            As in the attributes, shapes (points, 6) and (points, 7), or one row for all points.
+            As in the attributes, shapes (points, 6) and (points, 2, 7), or one row for all points.
 
         Raises
         ------

@@ -5,11 +5,13 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from ospc import Frame
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.photometry.grey_range import FULL_RANGE, VIDEO_RANGE, GreyRange
 from ospc.settings.grey_values import MAX_COUNTED_FRAMES
+from ospc.settings.registration import SURROUND_SIGMAS
 from workers import preprocessor
 
 LIMITED, FULL = (16, 235), (0, 255)
@@ -105,9 +107,11 @@ def test_white_pixels_are_counted_wherever_white_is(white: int) -> None:
     image[:, :80] = white
     prepared = PREPROCESS(Frame.of_array(image, 1.0, index=0, max_grey=255), GreyRange(0.0, white / 255))
     assert prepared.moments[-1] == pytest.approx(0.25, abs=0.01)
-    inside, outside = prepared.values_at(prepared.surround_moments, np.array([[20.0, 120.0], [300.0, 120.0]]))
-    assert inside[-1] > 0.9 * inside[0]
-    assert outside[-1] == pytest.approx(0, abs=1e-6)
+    places = np.array([[20.0, 120.0], [100.0, 120.0], [300.0, 120.0]])
+    for sigma, moments in zip(SURROUND_SIGMAS, prepared.surround_moments, strict=True):
+        end, edge, begin = (norm.cdf((x - 0.5 - places[:, 0]) / (320 * sigma)) for x in (320, 80, 0))
+        found = prepared.values_at(moments, places)
+        assert found[:, -1] / found[:, 0] == pytest.approx((edge - begin) / (end - begin), abs=0.02)
 
 
 @pytest.mark.parametrize("white", [200, 236])

@@ -32,7 +32,7 @@ def observations(counts, group=0, start=0):
         grey_variance=np.zeros(n),
         grey_third_moment=np.zeros(n),
         frame_moments=np.zeros((n, 6), np.float32),
-        surround_moments=np.zeros((n, 7), np.float32),
+        surround_moments=np.zeros((n, 2, 7), np.float32),
         frame=np.arange(n),
         point=point,
         group=np.full(n, group),

@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 
 from ospc.arrays import FloatArray
 from ospc.estimation.effect_choice import fit_with_chosen_effects
-from ospc.estimation.effect_models import CONTRADICTIONS, CORRECTED, EFFECTS, GAIN_STEPS, ONLY_IF_FOUND
+from ospc.estimation.effect_models import (
+    CONTRADICTIONS,
+    CORRECTED,
+    EFFECTS,
+    GAIN_STEPS,
+    GLARE_OF_WHITE,
+    ONLY_IF_FOUND,
+)
 from ospc.estimation.effect_trials import trial_of
 from ospc.estimation.effects import Effects, ResponseTables
 from ospc.estimation.fit import Fit
@@ -44,7 +51,10 @@ class Disturbed:
     """How much brighter than white the white pixels are."""
     varying_white: float = 0.0
     """Standard deviation of its logarithm between frames."""
+    sky: float = 0.0
+    """How bright the white pixels are at the typical exposure, if their light grows with it."""
     scatter: float = 0.0
+    wide_scatter: float = 0.0
     dark: float = 0.0
     stray: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Stray light at the corners, and its gradients along x and y."""
@@ -129,15 +139,18 @@ class Disturbed:
         frame_moments = (1 - white)[..., None] * GAMMA(frame_light)[..., None] ** np.arange(1, 6) + white[..., None]
         frame_moments = np.concatenate([frame_moments, white[..., None]], axis=2)
         excess = self.varying_white * np.random.default_rng([seed, 1]).standard_normal((FRAMES, 2))[group]
-        frame_light = (1 - white) * frame_light + white * (1 + self.beyond_white * np.exp(excess))
+        of_white = self.sky * true_ms / TYPICAL_MS if self.sky else 1 + self.beyond_white * np.exp(excess)
+        frame_light = (1 - white) * frame_light + white * of_white
         nearby = np.exp(random.normal(-1.2, 0.6, (n, 2)))
+        widely = np.exp(np.random.default_rng([seed, 3]).normal(-1.2, 0.6, (n, 2)))
         corners, sideways, vertically = self.stray
         fixed = self.dark + corners * squared_radius + sideways * place[..., 0] + vertically * place[..., 1]
         fixed = fixed + self.leak * np.exp(-np.linalg.norm(place - [0.8, 0.6], axis=2) / 0.2)
         centre = np.exp(-squared_radius / 0.25**2)
         growing, constant, of_scene = (size * centre for size in self.spot)
         constant = constant + self.tilted_black * place[..., 1]
-        added = self.glare * frame_light + self.scatter * nearby + (fixed + growing) * true_ms / TYPICAL_MS
+        added = self.glare * frame_light + self.scatter * nearby + self.wide_scatter * widely
+        added = added + (fixed + growing) * true_ms / TYPICAL_MS
         added = added + constant + of_scene * frame_light
         grey = GAMMA(lit_ms * radiance * attenuation + added)
         around = GAMMA(nearby)
@@ -151,7 +164,8 @@ class Disturbed:
         def both(values: FloatArray) -> FloatArray:
             return np.broadcast_to(values, (n, 2, *values.shape[2:]))[exposed].reshape(-1, *values.shape[2:])
 
-        surround_moments = np.concatenate([around[..., None] ** np.arange(6), np.zeros((n, 2, 1))], axis=2)
+        both_around = np.stack([around, GAMMA(widely)], axis=2)[..., None]
+        surround_moments = np.concatenate([both_around ** np.arange(6), np.zeros((n, 2, 2, 1))], axis=3)
         return ExposedObservations(
             grey=both(noisy),
             position=both(place),
@@ -205,6 +219,7 @@ def test_a_camera_without_effects_has_none(seed: int) -> None:
         (Disturbed(glare=0.03), "veiling glare", 0.03),
         (Disturbed(glare=0.03, most_white=0.3), "veiling glare", 0.03),
         (Disturbed(scatter=0.04), "light scattered nearby", 0.04),
+        (Disturbed(wide_scatter=0.04), "light scattered widely", 0.04),
         (Disturbed(stray=(0.01, 0, 0)), "stray light at the corners", 0.01),
         (Disturbed(stray=(0.0015, 0, 0)), "stray light at the corners", 0.0015),
         (Disturbed(offset=0.05), "exposure offset", 0.05),
@@ -320,6 +335,26 @@ def test_two_effects_are_distinguished() -> None:
         "veiling glare": pytest.approx(0.03, rel=0.1),
         "exposure offset": pytest.approx(-0.05, rel=0.15),
     }
+    assert is_right(found)
+
+
+@pytest.mark.parametrize("beyond_white", [0.0, 3.0])
+def test_the_glare_of_white_pixels_is_measured_and_corrected(beyond_white: float) -> None:
+    found = Disturbed(glare=0.03, most_white=0.3, beyond_white=beyond_white).fit()
+    unusual = 0.03 * (beyond_white - BEYOND_WHITE) * 0.3
+    assert stated(found) == {
+        "veiling glare": pytest.approx(0.03, rel=0.15),
+        "glare of white pixels": pytest.approx(unusual, rel=0.2),
+    }
+    assert is_right(found)
+
+
+def test_the_glare_of_a_sky_is_measured_and_corrected() -> None:
+    """The light of a sky that is white in all frames is proportional to the exposure."""
+    camera = Disturbed(glare=0.02, most_white=0.3, sky=2.0)
+    found = camera.fit()
+    assert stated(found).keys() == {"veiling glare", *GLARE_OF_WHITE}
+    assert stated(found)["veiling glare"] == pytest.approx(0.02, rel=0.15)
     assert is_right(found)
 
 

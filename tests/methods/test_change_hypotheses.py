@@ -98,7 +98,7 @@ class Film:
                 grey_variance=np.zeros(2 * count),
                 grey_third_moment=np.zeros(2 * count),
                 frame_moments=np.zeros((2 * count, 6)),
-                surround_moments=np.zeros((2 * count, 7)),
+                surround_moments=np.zeros((2 * count, 2, 7)),
                 frame=np.tile([frame, later], count),
                 point=np.repeat(np.arange(count), 2),
                 group=np.full(2 * count, frame),

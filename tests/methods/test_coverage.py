@@ -29,7 +29,7 @@ def observations(points: int = 4000, seed: int = 0) -> ExposedObservations:
         grey_variance=np.zeros(n),
         grey_third_moment=np.zeros(n),
         frame_moments=np.zeros((n, 6)),
-        surround_moments=np.zeros((n, 7)),
+        surround_moments=np.zeros((n, 2, 7)),
         frame=np.tile([0, 1], points),
         point=np.repeat(np.arange(points), 2),
         group=np.zeros(n, np.int64),

@@ -165,7 +165,7 @@ def seen_twice(random, points, pair):
         grey_variance=np.zeros(n),
         grey_third_moment=np.zeros(n),
         frame_moments=np.zeros((n, 6), np.float32),
-        surround_moments=np.zeros((n, 7), np.float32),
+        surround_moments=np.zeros((n, 2, 7), np.float32),
         frame=np.tile([pair, pair + 7], points),
         point=np.repeat(np.arange(points), 2),
         group=np.full(n, pair),

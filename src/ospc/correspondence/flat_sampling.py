@@ -225,7 +225,7 @@ def _seen(
         "position": position,
         "gradient": gradient,
         "frame_moments": view.moments,
-        "surround_moments": view.values_at(view.surround_moments, places),
+        "surround_moments": np.stack([view.values_at(moments, places) for moments in view.surround_moments], axis=1),
         "frame": view.number,
     }
 

@@ -28,8 +28,8 @@ from ospc.settings.registration import (
     MIN_REGISTERED_SIDE_PX,
     MIN_SMOOTHING_VARIANCE,
     REGISTRATION_SIDE_PX,
-    SURROUND_SIGMA,
-    SURROUND_WIDTH_PX,
+    SURROUND_SIGMA_PX,
+    SURROUND_SIGMAS,
     WHITE_MARGIN_PX,
 )
 from ospc.settings.sampling import GREY_POWERS
@@ -51,8 +51,9 @@ class ReducedFrame:
     """Quantiles of the small image's grey levels, in 0 … 255, shape (19,)."""
     moments: FloatArray
     """Means of M … M⁵ over the small image, and the share of white pixels, shape (6,)."""
-    surround_moments: Float32Array
-    """Weighted sums of 1, M … M⁵ and white pixels around each pixel of a coarse image, shape (h'', w'', 7)."""
+    surround_moments: tuple[Float32Array, ...]
+    """Weighted sums of 1, M … M⁵ and white pixels around each pixel of a coarse image, shape (h'', w'', 7), for each
+    of the distances over which light is scattered."""
     grey_range: GreyRange
     """Black and white as they were known then."""
     shown: BoolArray | None = field(default=None, kw_only=True)
@@ -145,7 +146,7 @@ class Preprocessor:
             thumbnail=thumbnail_of(frame, reduced, size, grey_range),
             grey_quantiles=_quantiles(counts),
             moments=_moments(counts, brightest),
-            surround_moments=_surround_moments(levels, brightest),
+            surround_moments=tuple(_surround_moments(levels, brightest, sigma) for sigma in SURROUND_SIGMAS),
             grey_range=grey_range,
             grey=grey,
             squares=squares,
@@ -282,14 +283,15 @@ def _moments(counts: IntArray, brightest: float) -> FloatArray:
     return np.asarray(np.append(counts @ powers, white) / counts.sum())
 
 
-def _surround_moments(small: npt.NDArray[np.uint8], brightest: float) -> Float32Array:
+def _surround_moments(small: npt.NDArray[np.uint8], brightest: float, sigma: float) -> Float32Array:
     """Return the sums of powers and of white pixels around each pixel, (h', w') -> (h'', w'', 7)."""
     height, width = small.shape
-    size = (SURROUND_WIDTH_PX, max(1, round(SURROUND_WIDTH_PX * height / width)))
+    coarse_px = SURROUND_SIGMA_PX / sigma / max(width, height)  # pixels of the coarse image per small pixel
+    size = max(1, round(coarse_px * width)), max(1, round(coarse_px * height))
     coarse = cv2.resize(small, size, interpolation=cv2.INTER_AREA).astype(np.float32) / np.float32(255)
     white = (small > 255 * brightest).astype(np.float32)
     white = cv2.resize(white, size, interpolation=cv2.INTER_AREA)
     powers = np.stack([*(coarse**power for power in range(1 + GREY_POWERS)), white], axis=-1)
-    sigma = SURROUND_SIGMA * max(size)
+    sigma_px = sigma * max(size)
     # Light from beyond the frame is unknown and is not counted.
-    return np.asarray(cv2.GaussianBlur(powers, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT))
+    return np.asarray(cv2.GaussianBlur(powers, (0, 0), sigma_px, borderType=cv2.BORDER_CONSTANT))

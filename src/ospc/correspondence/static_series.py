@@ -8,7 +8,7 @@ import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, Image, IntArray, size_of
 from ospc.correspondence.flat_sampling import ranks_in_cells
-from ospc.observations import MOMENTS, Observations
+from ospc.observations import MOMENTS, SURROUND_MOMENTS, Observations
 from ospc.photometry.geometry import normalised
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 from ospc.recording.frame import Frame
@@ -76,7 +76,7 @@ class StaticSeries:
             grey_third_moment=np.zeros(grey.size),
             # Glare of a stationary scene is part of its radiance.
             frame_moments=np.zeros((grey.size, MOMENTS), np.float32),
-            surround_moments=np.zeros((grey.size, 1 + MOMENTS), np.float32),
+            surround_moments=np.zeros((grey.size, *SURROUND_MOMENTS), np.float32),
             frame=np.tile(np.array(self._index, dtype=np.int64), points),
             point=np.repeat(np.arange(points), frames),
             group=np.tile(np.arange(frames), points),

@@ -34,7 +34,7 @@ from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Baseline, ChangeDetector
 from ospc.methods.prediction_errors import PairErrors
 from ospc.methods.stationary_camera import StationaryCamera
-from ospc.observations import MOMENTS
+from ospc.observations import MOMENTS, SURROUND_MOMENTS
 from ospc.photometry.geometry import MOST_PIXELS
 from ospc.photometry.grey_range import LARGEST_GREY, GreyRange
 from ospc.photometry.noise import NoiseModel
@@ -109,9 +109,14 @@ RULES: Mapping[type, Mapping[str, Numbers | None]] = {
     Effects: {
         "log_typical_exposure": logs(),
         "groups frames": count(2),
+        "most_white": Numbers(0, LARGEST, (2,)),
         "step_exposures": Numbers(0, LARGEST, ("steps",), unknown=True, most=STEP_EXPOSURES),
     },
-    AbsorbedLight: {"frame_moments": Numbers(shape=(MOMENTS,)), "surround_moments": Numbers(shape=(1 + MOMENTS,))},
+    AbsorbedLight: {
+        "frame_moments": Numbers(shape=(MOMENTS,)),
+        "white": Numbers(0, 1, (2,)),
+        "surround_moments": Numbers(shape=SURROUND_MOMENTS),
+    },
     VignetteBasis: {
         "radial": Numbers(0, MOST_RADIAL_TERMS),
         "usable_radius": Numbers(MIN_USABLE_RADIUS, 1),

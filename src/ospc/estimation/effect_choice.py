@@ -18,13 +18,17 @@ from ospc.estimation.effect_models import (
     LOCAL_TONE_MAPPING,
     OF_STATIONARY_CAMERA,
     ONLY_IF_FOUND,
+    SCATTERED_LIGHT,
 )
+from ospc.estimation.effect_significance import first_to_drop, is_significant, only_significant
 from ospc.estimation.effect_trials import (
     Trial,
     after_newton_step,
+    after_newton_step_of_all,
     change_until_end,
     estimate_effects,
     slope_of_left_out,
+    suspected,
     trial_of,
 )
 from ospc.estimation.effects import Effects, different_log_exposures
@@ -45,17 +49,13 @@ from ospc.numerics.robust import ERROR_OF_SCALE
 from ospc.observations import ExposedObservations
 from ospc.photometry.verdict import INEXACT_EXPOSURES, LATE_EXPOSURES, EffectEstimate
 from ospc.settings.effects import (
-    CONTRADICTING_SIGMAS,
     EXPOSURES_PER_CURVE,
     MIN_GROUPS,
     MOST_CURVES,
     MOST_RAMP_CORRELATION,
     MOST_SCATTERED_SHARE,
-    PREFERRED_SHARE,
     SIGNIFICANT_SIGMAS,
-    SIGNIFICANT_SIGMAS_IN_ALL,
     SUSPECTED_LIGHT_SIGMAS,
-    SUSPECTED_SIGMAS,
 )
 
 
@@ -153,17 +153,18 @@ def _with_effects(
 ) -> tuple[Fitted, Sequence[Trial]]:
     """Return a fit with the significant effects, except those ``left_out``, and trials of the others."""
     # The search ends at the first effect that contradicts the model.
-    fitted, trials = plain, plain_trials
-    observations = fitted.observations
+    if plain.fit.groups < MIN_GROUPS:
+        return plain, plain_trials
+    observations = plain.observations
     most_curves = _distinguishable_curves(observations)
-    tested = fitted.fit.groups >= MIN_GROUPS
     names = tuple(trial.name for trial in plain_trials)
-    untried = tuple(name for name in names if tested and name not in left_out)
-    while suspect := _suspected(trials, untried):
+    untried = tuple(name for name in names if name not in left_out)
+    fitted, trials = _with_scattered_light(plain, plain_trials, plan)
+    while suspect := suspected(trials, untried):
         untried = tuple(name for name in untried if name != suspect.name)
         start = after_newton_step(fitted.fit, suspect)
         wider = plan.refit(observations, start)
-        if not (_significant(wider, -1) and _shown_by_own_light(wider, observations, plan)):
+        if not (is_significant(wider, -1) and _shown_by_own_light(wider, observations, plan)):
             if suspect.name == LOCAL_TONE_MAPPING:  # one step sees half of it: the response has taken up the rest
                 clearer = max(suspect, trial_of(wider), key=lambda trial: trial.sigmas)
                 trials = [clearer if trial is suspect else trial for trial in trials]
@@ -178,10 +179,27 @@ def _with_effects(
             fitted = with_vignette_chosen_again(fitted, plan)
         trials = estimate_effects(fitted, _left_out(fitted.fit, names))
     # An effect that was found first may be explained by one that was found later.
-    kept = _only_significant(fitted, plan)
+    kept = only_significant(fitted, plan)
     if len(kept.fit.effects) < len(fitted.fit.effects):
         return kept, estimate_effects(kept, _left_out(kept.fit, names))
     return fitted, trials
+
+
+def _with_scattered_light(
+    plain: Fitted, plain_trials: Sequence[Trial], plan: FitPlan
+) -> tuple[Fitted, Sequence[Trial]]:
+    """Return a fit with all kinds of scattered light that are significant beside each other, and trials of others."""
+    # One by one, none of them describes the light, and other effects that resemble it would be found instead.
+    suspicion = (trial.sigmas_by_chance for trial in plain_trials if trial.name in SCATTERED_LIGHT)
+    names: tuple[str, ...] = SCATTERED_LIGHT if max(suspicion, default=0.0) > SUSPECTED_LIGHT_SIGMAS else ()
+    while names:
+        # From the same start each time: the result does not depend on the light that was left out.
+        fit = plan.refit(plain.observations, after_newton_step_of_all(plain, names))
+        if (dropped := first_to_drop(fit)) is None:
+            fitted = with_vignette_chosen_again(replace(plain, fit=fit), plan)
+            return fitted, estimate_effects(fitted, _left_out(fitted.fit, [trial.name for trial in plain_trials]))
+        names = (*names[:dropped], *names[dropped + 1 :])
+    return plain, plain_trials
 
 
 def _shown_by_own_light(fit: Fit, observations: ExposedObservations, plan: FitPlan) -> bool:
@@ -193,7 +211,7 @@ def _shown_by_own_light(fit: Fit, observations: ExposedObservations, plan: FitPl
     if own.all():
         return True
     left = observations.of_points(own)
-    return len(np.unique(left.group)) < MIN_GROUPS or _significant(plan.refit(left, fit), -1)
+    return len(np.unique(left.group)) < MIN_GROUPS or is_significant(plan.refit(left, fit), -1)
 
 
 def _indistinguishable(observations: ExposedObservations) -> tuple[str, ...]:
@@ -212,19 +230,7 @@ def _distinguishable_curves(observations: ExposedObservations) -> int:
 def _with_gains(fitted: Fitted, variances: tuple[float, ...], plan: FitPlan) -> Fitted:
     """Return a fit with latent gains, and with those effects that are still significant."""
     start = replace(fitted.fit, errors=replace(fitted.fit.errors, gain_variances=variances))
-    return _only_significant(replace(fitted, fit=plan.refit(fitted.observations, start)), plan)
-
-
-def _only_significant(fitted: Fitted, plan: FitPlan) -> Fitted:
-    """Return a fit without the effects that are not significant beside the others; the weakest goes first."""
-    fit = fitted.fit
-    while doubtful := [i for i in range(len(fit.effects)) if not _significant(fit, i)]:
-        weakest = min(doubtful, key=lambda i: _sigmas_of(fit, i, fit.chance))
-        kept = tuple(name for i, name in enumerate(fit.effects.chosen) if i != weakest)
-        parameters = np.delete(fit.parameters, fit.vignette_part.stop + weakest)
-        start = replace(fit, effects=replace(fit.effects, chosen=kept), parameters=parameters)
-        fit = plan.refit(fitted.observations, start)
-    return replace(fitted, fit=fit)
+    return only_significant(replace(fitted, fit=plan.refit(fitted.observations, start)), plan)
 
 
 def _shows_lag(left_out: Sequence[Trial]) -> bool:
@@ -241,41 +247,6 @@ def _gain_variances(fitted: Fitted) -> tuple[float, ...]:
     """Return the variances of latent gains beyond chance; empty if there are none or too few pairs."""
     enough = fitted.observations.in_pairs and fitted.fit.groups >= MIN_GROUPS
     return fitted.significant_gain_variances if enough else ()
-
-
-def _suspected(trials: Sequence[Trial], untried: Sequence[str]) -> Trial | None:
-    """Return the clearest untried effect; effects of a camera are preferred if they are nearly as clear."""
-    likely = [trial for trial in trials if trial.name in untried]
-    clearest = PREFERRED_SHARE * max((trial.sigmas for trial in likely), default=0.0)
-    clear = [trial for trial in likely if trial.sigmas > max(_limit(trial, SUSPECTED_SIGMAS), clearest)]
-    if not clear:
-        light = (trial for trial in likely if EFFECTS[trial.name].adds == "light")
-        clear = [trial for trial in light if trial.sigmas_by_chance > _limit(trial, SUSPECTED_LIGHT_SIGMAS)]
-    return max(clear, key=lambda trial: (trial.name in CORRECTED, trial.sigmas), default=None)
-
-
-def _limit(trial: Trial, sigmas: float) -> float:
-    """Return the significance that an effect exceeds as rarely as a single one exceeds ``sigmas``."""
-    return math.sqrt(sigmas**2 + 2 * math.log(EFFECTS[trial.name].alternatives))
-
-
-def _significant(fit: Fit, number: int) -> bool:
-    """Return whether an effect is significant and all effects are plausible."""
-    by_chance, in_all = (_sigmas_of(fit, number, covariance) for covariance in (fit.chance, fit.covariance))
-    if fit.effects.chosen[number] in CONTRADICTIONS:
-        # A contradiction also makes the halves disagree: that counts half.
-        significant = math.sqrt(by_chance * in_all) > CONTRADICTING_SIGMAS
-    else:
-        significant = by_chance > SIGNIFICANT_SIGMAS
-    significant &= in_all > SIGNIFICANT_SIGMAS_IN_ALL
-    values = zip(fit.effects.chosen, fit.effect_parameters, strict=True)
-    return significant and all(EFFECTS[name].allows(value) for name, value in values)
-
-
-def _sigmas_of(fit: Fit, number: int, covariance: FloatArray) -> float:
-    """Return the distance of an effect from zero, in standard deviations given a covariance."""
-    systematic, variance = EFFECTS[fit.effects.chosen[number]].systematic, np.diag(covariance)[-len(fit.effects) :]
-    return float(abs(fit.effect_parameters[number]) / np.hypot(np.sqrt(variance[number]), systematic))
 
 
 def _estimate_of_gains(fit: Fit, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:

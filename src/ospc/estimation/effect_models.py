@@ -16,7 +16,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.estimation.light_shapes import DARK_SIGNAL, SHAPES, STRAY_LIGHT, UNEVEN_GLARE
-from ospc.observations import MOMENTS, ExposedObservations
+from ospc.observations import MOMENTS, SURROUND_MOMENTS, ExposedObservations
 from ospc.photometry.verdict import LATE_EXPOSURES, NOMINAL_EXPOSURES
 from ospc.settings.effects import (
     ADDED_LIGHT_MODEL_ERROR,
@@ -45,6 +45,8 @@ from ospc.settings.effects import (
     STEP_EXPOSURES,
     VIGNETTE_BY_EXPOSURE,
     VIGNETTE_DRIFT,
+    WHITE_GLARE,
+    WIDE_SCATTER,
 )
 from ospc.settings.error_model import DARKEST_GREY
 
@@ -61,7 +63,9 @@ class AbsorbedLight:
     """
 
     frame_moments: tuple[float, ...] = (0.0,) * MOMENTS
-    surround_moments: tuple[float, ...] = (0.0,) * (1 + MOMENTS)
+    white: tuple[float, float] = (0.0, 0.0)
+    """Share of white pixels, and its product with the exposure, relative to the largest in a frame."""
+    surround_moments: tuple[tuple[float, ...], ...] = ((0.0,) * SURROUND_MOMENTS[1],) * SURROUND_MOMENTS[0]
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,8 @@ class Circumstances:
     """Factors on the moments of grey levels; the weighted sum is their mean irradiance, shape (6,)."""
     absorbed: AbsorbedLight
     """The additional light contained in the response."""
+    most_white: tuple[float, float]
+    """Largest share of white pixels in a frame, and of its product with the exposure relative to the typical one."""
     step_exposures: tuple[float, ...]
     """Exposures relative to the typical one, beyond which the gain may differ, shape (15,)."""
 
@@ -98,15 +104,26 @@ class Circumstances:
         """Mean irradiance of the frame in excess of that contained in the response, shape (n,)."""
         return (self.observations.frame_moments - self.absorbed.frame_moments) @ self.light_of_moments
 
-    @property
-    def light_around(self) -> FloatArray:
-        """Mean irradiance of the surroundings in excess of that contained in the response, shape (n,)."""
-        return (self.observations.surround_moments - self.absorbed.surround_moments)[:, 1:] @ self.light_of_moments
+    def white(self, power: int) -> FloatArray:
+        """Return the share of white pixels in excess of that contained in the response, shape (n,).
+
+        It is multiplied by a power, 0 or 1, of the exposure, and relative to the largest in a frame.
+        """
+        light = self.observations.frame_moments[:, -1] * self.exposure**power
+        return light / self.most_white[power] - self.absorbed.white[power]
+
+    def light_around(self, number: int) -> FloatArray:
+        """Return the mean irradiance around each point in excess of that contained in the response, shape (n,).
+
+        ``number`` is that of the distance over which light is scattered.
+        """
+        around = self.observations.surround_moments[:, number, 1:]
+        return np.asarray((around - self.absorbed.surround_moments[number][1:]) @ self.light_of_moments)
 
     @property
     def grey_around(self) -> FloatArray:
         """Mean grey level of the surroundings that receive light, 1 if none do, shape (n,)."""
-        share, total = self.observations.surround_moments[:, :2].T.astype(np.float64)
+        share, total = self.observations.surround_moments[:, 0, :2].T.astype(np.float64)
         return np.maximum(np.where(share > 0, total / np.maximum(share, DARKEST_GREY), 1.0), DARKEST_GREY)
 
 
@@ -196,6 +213,10 @@ def _step_name(number: int) -> str:
     return f"gain step {number + 1} of {STEP_EXPOSURES}"
 
 
+GLARE_OF_WHITE = ("glare of white pixels", "glare of white pixels by exposure")
+"""Glare by the light of white pixels, whose grey level does not show it, beyond the typical light that is assumed.
+That of the sky and of lamps grows with the exposure."""
+
 EXPOSURE_OFFSET, LOCAL_TONE_MAPPING = "exposure offset", "local tone mapping"
 DRIFTING_RESPONSE, DRIFTING_BLACK, DRIFTING_VIGNETTE = (
     f"drifting {what}" for what in ("response", "black level", "vignette")
@@ -209,7 +230,10 @@ GAIN_STEPS = tuple(map(_step_name, range(STEP_EXPOSURES)))
 EFFECTS = {
     # Light is relative to that contained in the response.
     "veiling glare": _light(lambda seen: seen.light_of_frame, GLARE),
-    "light scattered nearby": _light(lambda seen: seen.light_around, SCATTER),
+    "light scattered nearby": _light(lambda seen: seen.light_around(0), SCATTER),
+    "light scattered widely": _light(lambda seen: seen.light_around(1), WIDE_SCATTER),
+    GLARE_OF_WHITE[0]: _light(lambda seen: seen.white(0), WHITE_GLARE, -MOST_ADDED_LIGHT),
+    GLARE_OF_WHITE[1]: _light(lambda seen: seen.white(1), WHITE_GLARE, -MOST_ADDED_LIGHT),
     **{
         name: _shaped_light(where, _mean_of_frame, GLARE_SHAPE, len(UNEVEN_GLARE))
         for name, where in UNEVEN_GLARE.items()
@@ -258,7 +282,7 @@ EFFECTS = {
 LIGHT_FIXED_TO_CAMERA = (*STRAY_LIGHT, *DARK_SIGNAL)
 """Light that does not come from the scene."""
 
-SCATTERED_LIGHT = ("veiling glare", "light scattered nearby")
+SCATTERED_LIGHT = ("veiling glare", "light scattered nearby", "light scattered widely", *GLARE_OF_WHITE)
 """Light of the scene that reaches other parts of the image."""
 
 OF_STATIONARY_CAMERA = (EXPOSURE_OFFSET, NOMINAL_EXPOSURES, DRIFTING_LIGHT)
@@ -283,7 +307,14 @@ CORRECTED_EXPOSURES = (EXPOSURE_OFFSET, NOMINAL_EXPOSURES, *GAIN_STEPS)
 CURVES_OF_EXPOSURES = (EXPOSURE_OFFSET, "curved exposures", *GAIN_STEPS)
 """Errors that depend on the exposure alone. With few different exposures, some of them fit any errors."""
 
-ONLY_IF_FOUND = (*UNEVEN_GLARE, *LIGHT_FIXED_TO_CAMERA, NOMINAL_EXPOSURES, *GAIN_STEPS)
+ONLY_IF_FOUND = (
+    "light scattered widely",
+    *GLARE_OF_WHITE,
+    *UNEVEN_GLARE,
+    *LIGHT_FIXED_TO_CAMERA,
+    NOMINAL_EXPOSURES,
+    *GAIN_STEPS,
+)
 """Effects of many kinds, or that are either there or not: their size is only stated if the observations clearly show
 them."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -10,6 +11,7 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.estimation.effect_models import (
     CONTRADICTIONS,
+    CORRECTED,
     DRIFTING_BLACK,
     DRIFTING_RESPONSE,
     DRIFTING_VIGNETTE,
@@ -18,7 +20,13 @@ from ospc.estimation.effect_models import (
 from ospc.estimation.fit import Fit
 from ospc.estimation.fitted import Fitted
 from ospc.estimation.model import Model
-from ospc.settings.effects import CONTRADICTION_PROBABILITY, EFFECT_PROBABILITY
+from ospc.settings.effects import (
+    CONTRADICTION_PROBABILITY,
+    EFFECT_PROBABILITY,
+    PREFERRED_SHARE,
+    SUSPECTED_LIGHT_SIGMAS,
+    SUSPECTED_SIGMAS,
+)
 
 
 @dataclass(frozen=True)
@@ -86,6 +94,22 @@ def estimate_effects(fitted: Fitted, names: Sequence[str]) -> list[Trial]:
     return [_trial(name, *step, fit.groups) for name, step in zip(names, steps, strict=True)]
 
 
+def suspected(trials: Sequence[Trial], untried: Sequence[str]) -> Trial | None:
+    """Return the clearest untried effect; effects of a camera are preferred if they are nearly as clear."""
+    likely = [trial for trial in trials if trial.name in untried]
+    clearest = PREFERRED_SHARE * max((trial.sigmas for trial in likely), default=0.0)
+    clear = [trial for trial in likely if trial.sigmas > max(_limit(trial, SUSPECTED_SIGMAS), clearest)]
+    if not clear:
+        light = (trial for trial in likely if EFFECTS[trial.name].adds == "light")
+        clear = [trial for trial in light if trial.sigmas_by_chance > _limit(trial, SUSPECTED_LIGHT_SIGMAS)]
+    return max(clear, key=lambda trial: (trial.name in CORRECTED, trial.sigmas), default=None)
+
+
+def _limit(trial: Trial, sigmas: float) -> float:
+    """Return the significance that an effect exceeds as rarely as a single one exceeds ``sigmas``."""
+    return math.sqrt(sigmas**2 + 2 * math.log(EFFECTS[trial.name].alternatives))
+
+
 def trial_of(fit: Fit) -> Trial:
     """Return the estimate of the last effect of a joint fit, which is left out because it is not significant."""
     return _trial(fit.effects.chosen[-1], fit.parameters, fit.chance, fit.groups)
@@ -105,6 +129,17 @@ def after_newton_step(fit: Fit, trial: Trial) -> Fit:
     """
     parameters = np.append(fit.parameters + trial.value * trial.parameter_slope, trial.value)
     effects = fit.effects.including(trial.name)
+    start = replace(fit, effects=effects, parameters=parameters)
+    return replace(start, parameters=np.maximum(parameters, start.floor))
+
+
+def after_newton_step_of_all(fitted: Fitted, names: tuple[str, ...]) -> Fit:
+    """Return the fit after the Newton step with several effects, as the start of a fit with them."""
+    fit = fitted.fit
+    effects = fit.effects.including(*names)
+    model = Model(fit.response_basis, fit.vignette_basis, effects)
+    about = np.concatenate([fit.parameters, np.zeros(len(names))])
+    ((parameters, _),) = fitted.newton_steps(model, about, [np.arange(len(about))])
     start = replace(fit, effects=effects, parameters=parameters)
     return replace(start, parameters=np.maximum(parameters, start.floor))
 

@@ -15,6 +15,7 @@ from ospc.arrays import Float32Array, FloatArray, IntArray
 from ospc.estimation.effect_models import (
     CORRECTED_EXPOSURES,
     EFFECTS,
+    GLARE_OF_WHITE,
     LIGHT_FIXED_TO_CAMERA,
     SCATTERED_LIGHT,
     AbsorbedLight,
@@ -90,6 +91,9 @@ class Effects:
     """Amounts of additional light contained in the response. A constant amount cannot be distinguished from the
     response. During the fit, the effects therefore only describe the difference of each observation from one with
     rather little additional light. All zero once the response is free of it."""
+    most_white: tuple[float, float] = (1.0, 1.0)
+    """Largest share of white pixels in a frame, and of its product with the exposure relative to the typical one; 1
+    if there are none."""
     step_exposures: tuple[float, ...] = ()
     """Exposures relative to the typical one, beyond which the gain may differ; NaN where too few exposures differ for
     a step to be told from a power of the exposures, shape (15,); empty if no effect can be chosen."""
@@ -102,11 +106,17 @@ class Effects:
         frame, around = observations.frame_moments, observations.surround_moments
         log_exposure = observations.log_exposure
         typical = float(np.median(log_exposure))
+        white = frame[:, -1:] * np.exp(log_exposure - typical)[:, None] ** [0, 1]
+        most_white = np.where(white.any(axis=0), white.max(axis=0), 1.0)
+        rather_dark = _at(ABSORBED_FRAME_LIGHT, frame[:, 0])
+        typical_around = [_at(ABSORBED_NEARBY_LIGHT, total) for total in around[:, :, 1].T]
         absorbed = AbsorbedLight(
-            tuple(frame[_at(ABSORBED_FRAME_LIGHT, frame[:, 0])].tolist()),
-            tuple(around[_at(ABSORBED_NEARBY_LIGHT, around[:, 1])].tolist()),
+            tuple(frame[rather_dark].tolist()),
+            tuple((white[rather_dark] / most_white).tolist()),
+            tuple(tuple(around[place, number].tolist()) for number, place in enumerate(typical_around)),
         )
-        return cls((), typical, groups, frames, absorbed, _step_exposures(log_exposure, typical))
+        steps = _step_exposures(log_exposure, typical)
+        return cls((), typical, groups, frames, absorbed, tuple(most_white.tolist()), steps)
 
     def __len__(self) -> int:
         """Return the number of parameters."""
@@ -134,6 +144,7 @@ class Effects:
             gamma=response.gamma[index],
             light_of_moments=response.light_of_moments,
             absorbed=self.absorbed,
+            most_white=self.most_white,
             step_exposures=self.step_exposures,
         )
         amounts = {name: EFFECTS[name].amount(seen) for name in self.chosen}
@@ -148,17 +159,18 @@ class Effects:
         irradiance = np.exp(basis.log_of(parameters[:n]))
         factors = _light_of_moments(basis.grid, irradiance)
         values = dict(zip(self.chosen, parameters[len(parameters) - len(self) :], strict=True))
-        glare, scatter = (values.get(name, 0.0) for name in SCATTERED_LIGHT)
-        share, *around = self.absorbed.surround_moments
+        glare, nearby, widely, *of_white = (values.get(name, 0.0) for name in SCATTERED_LIGHT)
+        share, *around = np.array([nearby, widely]) @ self.absorbed.surround_moments
         # The response g̃ containing the light and the one without it, g, satisfy g ∝ g̃ + c. Mean irradiances contain
         # c, too: hence the divisor.
-        held = glare * (self.absorbed.frame_moments @ factors) + scatter * (around @ factors)
-        constant = held / (1 - glare - scatter * share)
+        held = (glare * np.array(self.absorbed.frame_moments) + around) @ factors
+        held += np.array(of_white) @ self.absorbed.white
+        constant = held / (1 - glare - share)
         at_knots = np.maximum(np.interp(basis.knots, basis.grid, irradiance), np.finfo(np.float64).tiny)
         changed = parameters.copy()
         changed[:n] = np.maximum(parameters[:n] * at_knots / (at_knots + constant), MIN_GAMMA)
         for number, name in enumerate(self.chosen, len(parameters) - len(self)):
-            if name in LIGHT_FIXED_TO_CAMERA:
+            if name in (*LIGHT_FIXED_TO_CAMERA, *GLARE_OF_WHITE):  # those relative to white
                 changed[number] /= 1 + constant
         return replace(self, absorbed=AbsorbedLight()), changed
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, FloatArray, ImageSize
-from ospc.estimation.effect_models import SCATTERED_LIGHT
+from ospc.estimation.effect_models import SCATTERED_LIGHT, AbsorbedLight
 from ospc.estimation.effects import EffectTerms
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.mean_of_pixels import PixelMeans
@@ -23,7 +23,6 @@ from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import EffectEstimate
 from ospc.photometry.vignette import LogSplineVignette
-from ospc.settings.effects import DARKEST_IRRADIANCE
 from ospc.settings.fit import (
     CONFIDENCE,
     MAX_REFERENCE_UNRESOLVED,
@@ -147,12 +146,12 @@ class Fit(Model):
 
     def scattered_share(self, observations: ExposedObservations) -> FloatArray:
         """Return the scattered light in observations, relative to their irradiance in the response, shape (n,)."""
-        values = dict(zip(self.effects.chosen, self.effect_parameters, strict=True))
-        glare, nearby = (values.get(name, 0.0) for name in SCATTERED_LIGHT)
-        tables = self.response_tables(self.parameters)
-        moments = glare * observations.frame_moments + nearby * observations.surround_moments[:, 1:]
-        own = tables.irradiance[self.response_basis.index_of(observations.grey)]
-        return np.asarray(moments @ tables.light_of_moments / np.maximum(own, DARKEST_IRRADIANCE))
+        effects = replace(self.effects, absorbed=AbsorbedLight())
+        index = self.response_basis.index_of(observations.grey)
+        terms = effects.terms(observations, self.response_tables(self.parameters), index)
+        scattered = self.effect_parameters * np.isin(self.effects.chosen, SCATTERED_LIGHT)
+        light = sum(value * terms.amounts[name] for name, value in zip(effects.chosen, scattered, strict=True))
+        return np.asarray(light / terms.light)
 
     def log_exposure_error(self, observations: ExposedObservations) -> FloatArray:
         """Return ln of the true over the stated exposures, as far as it depends on them alone, shape (n,)."""

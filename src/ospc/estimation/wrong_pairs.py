@@ -87,7 +87,7 @@ def _covariates(observations: ExposedObservations) -> FloatArray:
     powers = log_grey[:, None] ** np.arange(4)
     positions = observations.position.reshape(-1, 4)  # of both observations
     squared_radii = np.sum(observations.position**2, axis=1).reshape(-1, 2)
-    weight, grey = observations.surround_moments[:, :2].T.astype(np.float64)
+    weight, grey = observations.surround_moments[:, 0, :2].T.astype(np.float64)
     log_surround = np.log(np.maximum(grey, DARKEST_GREY * weight) + np.finfo(np.float64).tiny)
     return np.hstack([powers, positions, squared_radii, np.diff(log_surround.reshape(-1, 2), axis=1)])
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ospc.errors import plain
-from ospc.estimation.effect_models import DRIFTING_LIGHT, GAIN_STEPS, LIGHT_FIXED_TO_CAMERA
+from ospc.estimation.effect_models import DRIFTING_LIGHT, GAIN_STEPS, GLARE_OF_WHITE, LIGHT_FIXED_TO_CAMERA
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.light_shapes import DARK_SIGNAL, STRAY_LIGHT, UNEVEN_GLARE
@@ -25,6 +25,8 @@ _STRAY = "light fixed to the camera (a leak, a reflection, dark current) is {{am
 _LIGHT = {
     "veiling glare": "veiling glare of {amount} of the mean irradiance of each frame was found and corrected",
     "light scattered nearby": "{amount} of the light is scattered nearby; this was corrected",
+    "light scattered widely": "{amount} of the light is scattered over a quarter of the image; this was corrected",
+    **dict.fromkeys(GLARE_OF_WHITE, "white pixels cause another amount of glare than usual; this was corrected"),
     **{
         name: f"glare is {{amount}} of the mean irradiance of each frame {{stronger}} {where}; this was corrected"
         for name, where in UNEVEN_GLARE.items()
@@ -60,7 +62,7 @@ def notes_of(fit: Fit) -> tuple[str, ...]:
     """Return a sentence for each effect that was found and corrected or accounted for, if it is noticeable."""
     corrected = (found for found in fit.effect_estimates if found.corrected)
     noticeable = (one for one in corrected if one.name not in _RANDOM or one.value >= MIN_NOTED_GAIN)
-    return tuple(_corrected(one, fit.effects) for one in noticeable)
+    return tuple(dict.fromkeys(_corrected(one, fit.effects) for one in noticeable))
 
 
 def corrected_exposures_of(fit: Fit, observations: ExposedObservations) -> dict[str, Any]:

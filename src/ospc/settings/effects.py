@@ -12,7 +12,8 @@
 BEYOND_WHITE = 0.6
 """Mean irradiance of white pixels in excess of that at white, relative to that at white: their grey level hides how
 bright they are, but they cause glare, too. It was 0.3 to 0.9 in eight simulated recordings. With zero, glare of 2 per
-cent was estimated as 2.5."""
+cent was estimated as 2.5. In another simulator it was 0.1 to 4; the difference is estimated as glare of white
+pixels."""
 LIGHT_FIT_FLOOR = 0.1
 """Irradiance, relative to that at white, above which the polynomial in the grey level fits g with equal relative
 errors, and below which it does so with equal absolute errors: few surroundings are darker. Without it, the error of
@@ -22,6 +23,11 @@ GLARE = (0.03, 0.03, 0.0005)
 SCATTER = (0.03, 0.03, 0.001)
 """Light scattered nearby, as a share of the irradiance of the surroundings. All lenses have some. In 68 clean
 recordings, chance explained the values: they were 1.1 standard deviations in the root mean square."""
+WIDE_SCATTER = (0.03, 0.0, 0.001)
+"""Light scattered widely, as a share of the irradiance of the surroundings: it is stated only if it is found."""
+WHITE_GLARE = (0.03, 0.0, 0.0002)
+"""Glare of white pixels beyond that assumed, in the frame with most of them, as a share of white. Errors of the
+estimate are as small as those of light that is fixed to the camera."""
 ADDED_LIGHT_MODEL_ERROR = 0.07
 """Standard deviation of the amount of added light that is corrected, as a share of it. In simulated recordings,
 veiling glare of 0.01 to 0.05 was found to within 0.05 of its amount with three cameras, and 0.08 to 0.19 too low with

@@ -21,12 +21,14 @@ MAX_WHITE_SHARE = 0.02
 and 3 px, ln g at grey 225 to 240 was off by up to 0.02."""
 COMPARED_QUANTILES = np.linspace(0.05, 0.95, 19)
 """Quantiles of grey level at which the brightness of two images is compared; noise and clipping affect the ends."""
-SURROUND_SIGMA = 0.1
-"""Standard deviation of the distance over which light is scattered nearby, in longer sides of the image: between that
-of bloom, a few pixels, and veiling glare, the whole image. Local tone mapping acts over a similar distance. In images
-of 120×480 pixels, a tenth of the width covered so little that a clean recording seemed to be tone mapped."""
-SURROUND_WIDTH_PX = 64
-"""Width of the coarse image in which surroundings are averaged: the means are smooth over six of its pixels."""
+SURROUND_SIGMAS = (0.1, 0.25)
+"""Standard deviations of the distance over which light is scattered nearby and widely, in longer sides of the image:
+between that of bloom, a few pixels, and veiling glare, the whole image. Local tone mapping acts over
+distances similar to the first. In images of 120×480 pixels, a tenth of the width covered so little that a clean
+recording seemed to be tone mapped."""
+SURROUND_SIGMA_PX = 6.4
+"""The same in pixels of the coarse images in which surroundings are averaged: the means are smooth over six of
+them."""
 MIN_FLAT_AREA_RATIO = 2.0
 """Minimum area over which the image must be flat, relative to the area over which grey levels are averaged:
 registration may be off by a pixel, and the image must be flat there, too."""

@@ -11,7 +11,7 @@ from ospc.state import container
 from ospc.state.container import Array, Container
 from ospc.state.values import layout, pack, unpack
 
-KIND, VERSION = "calibrator", 28
+KIND, VERSION = "calibrator", 29
 """Kind and version of the files."""
 
 T = TypeVar("T")

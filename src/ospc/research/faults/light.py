@@ -50,12 +50,14 @@ def _times(footage: Footage, factor: Float32Array) -> Footage:
     return footage.relit(lambda light, _i: light * factor)
 
 
-def _scattered(footage: Footage, share: float, sigma_widths: float) -> Footage:
-    """Scatter a share of the light; the standard deviation of its distance is in image widths."""
+def _scattered(footage: Footage, share: float, *sigmas_widths: float) -> Footage:
+    """Scatter a share of the light, in equal parts over several standard deviations of distance, in image widths."""
 
     def spread(light: Float32Array, _i: int) -> Float32Array:
         small = cv2.resize(light, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
-        around = cv2.GaussianBlur(small, (0, 0), sigma_widths * small.shape[1], borderType=cv2.BORDER_CONSTANT)
+        sigmas_px = [widths * small.shape[1] for widths in sigmas_widths]
+        parts = [cv2.GaussianBlur(small, (0, 0), px, borderType=cv2.BORDER_CONSTANT) for px in sigmas_px]
+        around = np.mean(parts, axis=0, dtype=np.float32)
         return np.asarray((1 - share) * light + share * cv2.resize(around, light.shape[::-1]))
 
     return footage.relit(spread)
@@ -228,8 +230,9 @@ FAULTS = (
         lambda f, x: f.relit(lambda light, _i: light + np.float32(x) * light.mean())),
     Fault("near-glare", "{} of the irradiance scattered nearby", (0.02, 0.05, 0.1),
         lambda f, x: _scattered(f, x, 0.1)),
-    Fault("wide-glare", "{} of the irradiance scattered over a quarter of the image width", (0.02, 0.05, 0.1),
-        lambda f, x: _scattered(f, x, 0.25)),
+    # With each doubling of the distance the same share.
+    Fault("wide-glare", "{} of the irradiance scattered with the inverse square of the distance", (0.02, 0.05, 0.1),
+        lambda f, x: _scattered(f, x, *0.5 ** np.arange(1, 7))),
     Fault("bloom", "{} of the light beyond saturation spills over", (0.1, 0.3, 1),
         lambda f, x: f.relit(lambda light, _i: light + x * cv2.GaussianBlur(np.maximum(light - 1, 0), (0, 0), 8))),
     Fault("dark-current", "dark current of {} of saturation at the median exposure", (0.005, 0.01, 0.02),
