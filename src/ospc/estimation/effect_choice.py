@@ -23,8 +23,8 @@ from ospc.estimation.effect_models import (
 from ospc.estimation.effect_significance import first_to_drop, is_significant, only_significant
 from ospc.estimation.effect_trials import (
     Trial,
+    after_joint_newton_step,
     after_newton_step,
-    after_newton_step_of_all,
     change_until_end,
     estimate_effects,
     slope_of_left_out,
@@ -194,7 +194,7 @@ def _with_scattered_light(
     names: tuple[str, ...] = SCATTERED_LIGHT if max(suspicion, default=0.0) > SUSPECTED_LIGHT_SIGMAS else ()
     while names:
         # From the same start each time: the result does not depend on the light that was left out.
-        fit = plan.refit(plain.observations, after_newton_step_of_all(plain, names))
+        fit = plan.refit(plain.observations, after_joint_newton_step(plain, names))
         if (dropped := first_to_drop(fit)) is None:
             fitted = with_vignette_chosen_again(replace(plain, fit=fit), plan)
             return fitted, estimate_effects(fitted, _left_out(fitted.fit, [trial.name for trial in plain_trials]))

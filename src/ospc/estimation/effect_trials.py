@@ -85,13 +85,11 @@ class Trial:
 
 def estimate_effects(fitted: Fitted, names: Sequence[str]) -> list[Trial]:
     """Return the one-step estimate of each of several effects that a fit leaves out, as if it were the only one."""
-    fit = fitted.fit
-    model = Model(fit.response_basis, fit.vignette_basis, fit.effects.including(*names))
-    p = len(fit.parameters)
-    about = np.concatenate([fit.parameters, np.zeros(len(names))])
+    model, about = _with_all(fitted.fit, names)
+    p = len(fitted.fit.parameters)
     choices = [np.append(np.arange(p), p + i) for i in range(len(names))]
     steps = fitted.newton_steps(model, about, choices)
-    return [_trial(name, *step, fit.groups) for name, step in zip(names, steps, strict=True)]
+    return [_trial(name, *step, fitted.fit.groups) for name, step in zip(names, steps, strict=True)]
 
 
 def suspected(trials: Sequence[Trial], untried: Sequence[str]) -> Trial | None:
@@ -128,19 +126,25 @@ def after_newton_step(fit: Fit, trial: Trial) -> Fit:
     observations explained by the effect as outliers.
     """
     parameters = np.append(fit.parameters + trial.value * trial.parameter_slope, trial.value)
-    effects = fit.effects.including(trial.name)
-    start = replace(fit, effects=effects, parameters=parameters)
-    return replace(start, parameters=np.maximum(parameters, start.floor))
+    return _including(fit, [trial.name], parameters)
 
 
-def after_newton_step_of_all(fitted: Fitted, names: tuple[str, ...]) -> Fit:
-    """Return the fit after the Newton step with several effects, as the start of a fit with them."""
-    fit = fitted.fit
-    effects = fit.effects.including(*names)
-    model = Model(fit.response_basis, fit.vignette_basis, effects)
-    about = np.concatenate([fit.parameters, np.zeros(len(names))])
+def after_joint_newton_step(fitted: Fitted, names: Sequence[str]) -> Fit:
+    """Return the fit after the Newton step with several effects, as the start of a fit with all of them."""
+    model, about = _with_all(fitted.fit, names)
     ((parameters, _),) = fitted.newton_steps(model, about, [np.arange(len(about))])
-    start = replace(fit, effects=effects, parameters=parameters)
+    return _including(fitted.fit, names, parameters)
+
+
+def _with_all(fit: Fit, names: Sequence[str]) -> tuple[Model, FloatArray]:
+    """Return the model with further effects, and the fit in its parameters."""
+    model = Model(fit.response_basis, fit.vignette_basis, fit.effects.including(*names))
+    return model, np.concatenate([fit.parameters, np.zeros(len(names))])
+
+
+def _including(fit: Fit, names: Sequence[str], parameters: FloatArray) -> Fit:
+    """Return the fit with further effects, and the parameters with theirs, as far as they are possible."""
+    start = replace(fit, effects=fit.effects.including(*names), parameters=parameters)
     return replace(start, parameters=np.maximum(parameters, start.floor))
 
 
