@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ospc.arrays import FloatArray
+from ospc.estimation import effect_choice
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.effect_models import (
     CONTRADICTIONS,
@@ -36,6 +37,7 @@ from synthetic_observations import POLYNOMIAL, ROUNDS, SIZE
 
 GAMMA = RESPONSES["srgb"]()
 NOISE = NoiseModel(0.0, 0.0)
+PLAN = FitPlan(ResponseBasis(32), VignetteBasis(8, free_centre=True, non_radial=True), NOISE, ROUNDS)
 FRAMES, POINTS = 120, 40
 FEW = 50
 TYPICAL_MS = 10.0
@@ -189,8 +191,7 @@ class Disturbed:
     def _fit(self, seed: int, frames: int) -> Fit:
         everything = self.pairs(seed)
         observations = everything.of_points(everything.group[everything.starts] < frames)
-        widest = VignetteBasis(8, free_centre=True, non_radial=True)
-        return fit_with_chosen_effects(observations, FitPlan(ResponseBasis(32), widest, NOISE, ROUNDS)).fit
+        return fit_with_chosen_effects(observations, PLAN).fit
 
 
 def stated(fit: Fit) -> dict[str, float]:
@@ -356,6 +357,17 @@ def test_the_glare_of_a_sky_is_measured_and_corrected() -> None:
     assert stated(found).keys() == {"veiling glare", *GLARE_OF_WHITE}
     assert stated(found)["veiling glare"] == pytest.approx(0.02, rel=0.15)
     assert is_right(found)
+
+
+@pytest.mark.parametrize(("camera", "tried"), [(Disturbed(glare=0.03), True), (Disturbed(late=0.4), False)])
+def test_scattered_light_is_not_tried_before_clearer_errors_of_the_exposures(
+    camera: Disturbed, tried: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In simulated recordings with late or short exposures, it would take up these errors."""
+    calls = []
+    monkeypatch.setattr(effect_choice, "_with_scattered_light", lambda *given: calls.append(given) or given[:2])
+    fit_with_chosen_effects(camera.pairs(), PLAN)
+    assert bool(calls) == tried
 
 
 def test_white_pixels_of_unknown_brightness_are_no_contradiction() -> None:

@@ -15,6 +15,7 @@ from ospc.estimation.effect_models import (
     CURVES_OF_EXPOSURES,
     DRIFTING_LIGHT,
     EFFECTS,
+    ERRORS_OF_EXPOSURES,
     LOCAL_TONE_MAPPING,
     OF_STATIONARY_CAMERA,
     ONLY_IF_FOUND,
@@ -159,7 +160,11 @@ def _with_effects(
     most_curves = _distinguishable_curves(observations)
     names = tuple(trial.name for trial in plain_trials)
     untried = tuple(name for name in names if name not in left_out)
-    fitted, trials = _with_scattered_light(plain, plain_trials, plan)
+    fitted, trials = plain, plain_trials
+    clearest = suspected(trials, untried)
+    # Scattered light would take up errors of the exposures.
+    if clearest is not None and clearest.name not in ERRORS_OF_EXPOSURES:
+        fitted, trials = _with_scattered_light(plain, plain_trials, plan)
     while suspect := suspected(trials, untried):
         untried = tuple(name for name in untried if name != suspect.name)
         start = after_newton_step(fitted.fit, suspect)

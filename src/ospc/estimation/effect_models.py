@@ -304,6 +304,9 @@ CORRECTED = (
 CORRECTED_EXPOSURES = (EXPOSURE_OFFSET, NOMINAL_EXPOSURES, *GAIN_STEPS)
 """Corrected errors of the exposures that depend on the exposure alone, so that exposures can be corrected by them."""
 
+ERRORS_OF_EXPOSURES = (*CORRECTED_EXPOSURES, LATE_EXPOSURES, DRIFTING_LIGHT)
+"""Corrected errors of the exposures, and drifting light, which looks like one."""
+
 CURVES_OF_EXPOSURES = (EXPOSURE_OFFSET, "curved exposures", *GAIN_STEPS)
 """Errors that depend on the exposure alone. With few different exposures, some of them fit any errors."""
 
