@@ -23,9 +23,9 @@ COMPARED_QUANTILES = np.linspace(0.05, 0.95, 19)
 """Quantiles of grey level at which the brightness of two images is compared; noise and clipping affect the ends."""
 SURROUND_SIGMAS = (0.1, 0.25)
 """Standard deviations of the distance over which light is scattered nearby and widely, in longer sides of the image:
-between that of bloom, a few pixels, and veiling glare, the whole image. Local tone mapping acts over
-distances similar to the first. In images of 120×480 pixels, a tenth of the width covered so little that a clean
-recording seemed to be tone mapped."""
+between that of bloom, a few pixels, and veiling glare, the whole image. Local tone mapping acts over distances
+similar to the first. In images of 120×480 pixels, a tenth of the width covered so little that a clean recording
+seemed to be tone mapped."""
 SURROUND_SIGMA_PX = 6.4
 """The same in pixels of the coarse images in which surroundings are averaged: the means are smooth over six of
 them."""

@@ -230,7 +230,7 @@ FAULTS = (
         lambda f, x: f.relit(lambda light, _i: light + np.float32(x) * light.mean())),
     Fault("near-glare", "{} of the irradiance scattered nearby", (0.02, 0.05, 0.1),
         lambda f, x: _scattered(f, x, 0.1)),
-    # With each doubling of the distance the same share.
+    # The same share in each doubling of the distance.
     Fault("wide-glare", "{} of the irradiance scattered with the inverse square of the distance", (0.02, 0.05, 0.1),
         lambda f, x: _scattered(f, x, *0.5 ** np.arange(1, 7))),
     Fault("bloom", "{} of the light beyond saturation spills over", (0.1, 0.3, 1),
