@@ -341,12 +341,12 @@ def test_a_bad_frame_is_skipped_counted_and_its_reason_kept(bad, reason):
 
 
 @pytest.mark.parametrize(("kind", "max_grey"), [(np.uint8, 1), (np.uint8, 65535), (np.uint16, 50)])
-def test_grey_values_that_do_not_fit_the_largest_one_do_not_end_a_run(kind, max_grey):
+def test_frames_whose_grey_values_do_not_match_the_largest_one_are_skipped(kind, max_grey):
     calibrator = OnlineCalibrator()
     images = np.random.default_rng(3).integers(60, 200, (3, 48, 64)).astype(kind)
     for i, image in enumerate(images):
-        assert calibrator.push(Frame(i, float(i), 1.0 + i, f"{i}.png", lambda image=image: image, max_grey))
-    assert calibrator.calibration().response is None
+        assert not calibrator.push(Frame(i, float(i), 1.0 + i, f"{i}.png", lambda image=image: image, max_grey))
+    assert f"0.png: max_grey is {max_grey}, which does not match" in calibrator.status.skipped[0]
 
 
 def test_what_is_black_in_the_image_of_a_mask_is_not_used():

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ospc.arrays import Image
 from ospc.calibrator import OnlineCalibrator
 from ospc.errors import ExposureError, FrameError
 from ospc.live import LiveCalibrator
@@ -15,6 +16,7 @@ from ospc.recording import ArrayRecording, Frame
 from ospc.recording.derived import masked
 
 IMAGE = np.full((16, 24), 200, np.uint8)
+DEEP = IMAGE.astype(np.uint16) * 16 + 15
 FRAME = Frame.of_array(IMAGE, 1.0, index=0)
 
 
@@ -39,10 +41,20 @@ def test_what_is_no_largest_grey_value_is_refused(value: Any) -> None:
             make()
 
 
-@pytest.mark.parametrize("value", [1, 199, 4095])
-def test_a_largest_grey_value_that_does_not_fit_8_bits_is_refused(value: int) -> None:
-    with pytest.raises(FrameError, match=f"max_grey is {value}, which does not match 8-bit grey values up to 200"):
-        Frame.of_array(IMAGE, 1.0, max_grey=value)
+@pytest.mark.parametrize(
+    ("image", "value"), [(IMAGE, 1), (IMAGE, 199), (IMAGE, 4095), (DEEP, 255), (DEEP, 1023), (DEEP, 1606)]
+)
+def test_a_largest_grey_value_that_does_not_match_the_values_is_refused(image: Image, value: int) -> None:
+    bits, most = 8 * image.itemsize, image.max()
+    why = f"max_grey is {value}, which does not match {bits}-bit grey values up to {most}; give the largest"
+    with pytest.raises(FrameError, match=why):
+        Frame.of_array(image, 1.0, max_grey=value)
+    with pytest.raises(FrameError, match=why):
+        _ = next(iter(ArrayRecording([image], [1.0], max_grey=value))).image
+
+
+def test_16_bit_values_up_to_twice_the_white_of_a_sensor_are_accepted() -> None:
+    assert Frame.of_array(DEEP, 1.0, max_grey=1608).max_grey == 1608
 
 
 def test_a_masked_array_is_refused() -> None:
@@ -140,7 +152,7 @@ def test_a_largest_grey_value_that_most_of_the_range_does_not_reach_is_doubted()
 @pytest.mark.parametrize(
     ("image", "max_grey", "why"),
     [
-        (np.full((60, 80), 40_000, np.uint16), 4095, "100% of all grey values are 4095 or above: give the largest"),
+        (np.full((60, 80), 8000, np.uint16), 4095, "100% of all pixels are saturated"),
         (np.full((60, 80), 4095, np.uint16), 4095, "100% of all pixels are saturated"),
         (np.zeros((60, 80), np.uint8), None, "100% of all pixels are black"),
     ],

@@ -65,8 +65,6 @@ class PixelReport(ByValue):
     """Highest grey value of all frames."""
     max_grey: int
     """Largest grey value of the sensor."""
-    exceeds_max_grey: bool
-    """Whether some grey values have more bits than this."""
     empty_low_bits: int
     """Number of lowest bits that are zero in every grey value."""
     missing_levels_share: float
@@ -220,7 +218,6 @@ class PixelStatistics:
             lowest_grey=int(level[low]),
             highest_grey=int(ends[high + 1]) - 1,
             max_grey=white,
-            exceeds_max_grey=self._bits.bit_length() > white.bit_length(),
             empty_low_bits=(self._bits & -self._bits).bit_length() - 1 if self._bits else 0,
             missing_levels_share=gaps if gaps >= MIN_MISSING_LEVELS_SHARE else 0.0,
             surround=surround,

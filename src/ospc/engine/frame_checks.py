@@ -102,11 +102,6 @@ def why_greys_are_useless(pixels: PixelReport | None) -> str:
     """Return that nearly all pixels are clipped or most grey values are unused, and why; "" if they are not."""
     if pixels is None:
         return ""
-    if pixels.exceeds_max_grey and pixels.saturated_share > MOST_CLIPPED_SHARE:
-        return (
-            f"{pixels.saturated_share:.0%} of all grey values are {pixels.max_grey} or above: give the largest one "
-            "that the sensor delivers (max_grey)"
-        )
     for clipped in clipped_in_words(pixels, MOST_CLIPPED_SHARE):
         return clipped
     if pixels.max_grey <= np.iinfo(np.uint8).max or pixels.highest_grey > USED_SHARE * pixels.max_grey:

@@ -113,8 +113,8 @@ class Frame:
         stamp_s
             Time stamp in seconds.
         max_grey
-            Largest grey value of the sensor, such as 4095 for 12 bits; None for the maximum of the data type. Larger
-            16-bit values count as saturated.
+            Largest grey value of the sensor, such as 4095 for 12 bits; None for the maximum of the data type. 16-bit
+            values up to twice as large count as saturated.
         mask
             True where pixels may be used, shape (height, width); None for all pixels.
 
@@ -128,13 +128,8 @@ class Frame:
         """
         name = UNNAMED if index is None else f"frame {index}"
         checked = check_image(image, name)
-        most = int(np.iinfo(checked.dtype).max)
-        limit = most if max_grey is None else checked_max_grey(max_grey, name)
-        if most == 255 and (limit > most or (limit < most and checked.max() > limit)):
-            raise FrameError(
-                f"{name}: max_grey is {limit}, which does not match 8-bit grey values up to {checked.max()}; give "
-                "the largest grey value of the sensor"
-            )
+        limit = int(np.iinfo(checked.dtype).max) if max_grey is None else checked_max_grey(max_grey, name)
+        _check_greys(checked, limit, name)
         known_ms = math.nan if exposure_ms is None else exposure_ms
         return cls(index or 0, stamp_s, known_ms, name, lambda: checked, limit, mask=mask)
 
@@ -145,7 +140,7 @@ class Frame:
         Raises
         ------
         FrameError
-            If the image cannot be read.
+            If the image cannot be read, or :attr:`max_grey` does not match it.
         """
         # Not functools.cached_property: in Python 3.11, all frames share its lock, so that threads would deadlock.
         if "_decoded" not in self.__dict__:
@@ -153,7 +148,9 @@ class Frame:
                 pixels = self.load()
             except OSError as error:
                 raise FrameError(f"{self.name}: its image cannot be read ({message_of(error)})") from None
-            self.__dict__["_decoded"] = check_image(pixels, self.name, colour=self.colour)
+            checked = check_image(pixels, self.name, colour=self.colour)
+            _check_greys(checked, self.max_grey, self.name)
+            self.__dict__["_decoded"] = checked
         decoded: Image = self.__dict__["_decoded"]
         return decoded
 
@@ -183,6 +180,18 @@ def check_image(pixels: npt.ArrayLike, name: str, *, colour: bool = False) -> Im
             f"{name}: grey values must be uint8 or uint16, not {image.dtype}; pass them as the camera delivers them"
         )
     return image.astype(image.dtype.newbyteorder("="), copy=False)
+
+
+def _check_greys(image: Image, max_grey: int, name: str) -> None:
+    bits = 8 * image.itemsize
+    # The white of a sensor may be below the largest value of its converter, but not by a whole bit.
+    most = max_grey if bits == 8 else 2 * max_grey
+    possible = int(np.iinfo(image.dtype).max)
+    if (bits == 8 and max_grey > possible) or (most < possible and image.max() > most):
+        raise FrameError(
+            f"{name}: max_grey is {max_grey}, which does not match {bits}-bit grey values up to {image.max()}; give "
+            "the largest grey value of the sensor"
+        )
 
 
 def checked_number(value: Any, what: str, name: str) -> float:
