@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ospc.arrays import FloatArray
-from ospc.estimation import effect_choice
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.effect_models import (
     CONTRADICTIONS,
@@ -359,15 +358,13 @@ def test_the_glare_of_a_sky_is_measured_and_corrected() -> None:
     assert is_right(found)
 
 
-@pytest.mark.parametrize(("camera", "tried"), [(Disturbed(glare=0.03), True), (Disturbed(late=0.4), False)])
-def test_scattered_light_is_not_tried_before_clearer_errors_of_the_exposures(
-    camera: Disturbed, tried: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """In simulated recordings with late or short exposures, it would take up these errors."""
-    calls = []
-    monkeypatch.setattr(effect_choice, "_with_scattered_light", lambda *given: calls.append(given) or given[:2])
-    fit_with_chosen_effects(camera.pairs(), PLAN)
-    assert bool(calls) == tried
+@pytest.mark.parametrize("late", [0.0, 0.4])
+def test_errors_of_the_exposures_are_found_beside_scattered_light(late: float) -> None:
+    """If one of these effects at a time is fitted, the others may look like local tone mapping."""
+    found = Disturbed(glare=0.03, scatter=0.005, most_white=0.3, offset=0.1, late=late, shortest=-2.0).fit()
+    errors = {"exposure offset", "late exposures"} if late else {"exposure offset"}
+    assert stated(found).keys() == {"veiling glare", "light scattered nearby", *errors}
+    assert is_right(found)
 
 
 def test_white_pixels_of_unknown_brightness_are_no_contradiction() -> None:

@@ -10,21 +10,19 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.estimation.effect_models import (
+    COMMON,
     CONTRADICTIONS,
     CORRECTED,
     CURVES_OF_EXPOSURES,
     DRIFTING_LIGHT,
     EFFECTS,
-    ERRORS_OF_EXPOSURES,
     LOCAL_TONE_MAPPING,
     OF_STATIONARY_CAMERA,
     ONLY_IF_FOUND,
-    SCATTERED_LIGHT,
 )
-from ospc.estimation.effect_significance import first_to_drop, is_significant, only_significant
+from ospc.estimation.effect_significance import is_significant, with_significant, without_insignificant
 from ospc.estimation.effect_trials import (
     Trial,
-    after_joint_newton_step,
     after_newton_step,
     change_until_end,
     estimate_effects,
@@ -56,7 +54,6 @@ from ospc.settings.effects import (
     MOST_RAMP_CORRELATION,
     MOST_SCATTERED_SHARE,
     SIGNIFICANT_SIGMAS,
-    SUSPECTED_LIGHT_SIGMAS,
 )
 
 
@@ -66,11 +63,11 @@ def fit_with_chosen_effects(observations: ExposedObservations, plan: FitPlan) ->
     Pairs of frames that were registered wrongly or whose exposures are wrong are left out: the result has the
     observations that were used.
 
-    Effects are tried one by one, the clearest first, and kept if they are significant given the scatter of the
-    observations. If anything contradicts the model, nothing is corrected, because effects imitate each other. Too few
-    pairs of frames are not tested. If frames are still brighter or darker than predicted, by more than chance, each
-    frame gets a latent gain. The possible size of every effect that is left out is added to the covariance. With a
-    stationary camera, only errors of the exposures are tried.
+    Effects that any recording may have are fitted together, because they imitate each other; others are tried one by
+    one, the clearest first. They are kept if they are significant given the scatter of the observations. If anything
+    contradicts the model, nothing is corrected. Too few pairs of frames are not tested. If frames are still brighter
+    or darker than predicted, by more than chance, each frame gets a latent gain. The possible size of every effect
+    that is left out is added to the covariance. With a stationary camera, only errors of the exposures are tried.
     """
     plain = fit_with_chosen_vignette(observations, plan, Effects.none_of(observations))
     if not len(plan.widest):
@@ -117,11 +114,10 @@ def _of_moving_camera(
         variances = _gain_variances(plain)
     # Gains come last, and not if exposures lag: they would hide the cause of the brightness changes.
     if variances and not _shows_lag(trials):
-        found_none = fitted is plain
-        plain = _with_gains(plain, variances, plan)
+        plain, fitted = _with_gains(plain, fitted, variances, plan)
         plain_trials = estimate_effects(plain, tuple(EFFECTS))
-        fitted = plain if found_none else _with_gains(fitted, variances, plan)
-        trials = plain_trials if found_none else estimate_effects(fitted, _left_out(fitted.fit, tuple(EFFECTS)))
+        left_out = _left_out(fitted.fit, tuple(EFFECTS))
+        trials = plain_trials if fitted is plain else estimate_effects(fitted, left_out)
     fitted = _with_model_errors(fitted)
     fit = fitted.fit
     if _is_contradicted(fit):
@@ -154,17 +150,15 @@ def _with_effects(
 ) -> tuple[Fitted, Sequence[Trial]]:
     """Return a fit with the significant effects, except those ``left_out``, and trials of the others."""
     # The search ends at the first effect that contradicts the model.
-    if plain.fit.groups < MIN_GROUPS:
-        return plain, plain_trials
-    observations = plain.observations
-    most_curves = _distinguishable_curves(observations)
     names = tuple(trial.name for trial in plain_trials)
     untried = tuple(name for name in names if name not in left_out)
-    fitted, trials = plain, plain_trials
-    clearest = suspected(trials, untried)
-    # Scattered light would take up errors of the exposures.
-    if clearest is not None and clearest.name not in ERRORS_OF_EXPOSURES:
-        fitted, trials = _with_scattered_light(plain, plain_trials, plan)
+    if plain.fit.groups < MIN_GROUPS or not suspected(plain_trials, untried):
+        return plain, plain_trials
+    observations = plain.observations
+    if not (most_curves := _distinguishable_curves(observations)):
+        untried = tuple(name for name in untried if name not in CURVES_OF_EXPOSURES)
+    fitted = with_significant(plain, [name for name in COMMON if name in untried], plan)
+    trials = plain_trials if fitted is plain else estimate_effects(fitted, _left_out(fitted.fit, names))
     while suspect := suspected(trials, untried):
         untried = tuple(name for name in untried if name != suspect.name)
         start = after_newton_step(fitted.fit, suspect)
@@ -184,27 +178,8 @@ def _with_effects(
             fitted = with_vignette_chosen_again(fitted, plan)
         trials = estimate_effects(fitted, _left_out(fitted.fit, names))
     # An effect that was found first may be explained by one that was found later.
-    kept = only_significant(fitted, plan)
-    if len(kept.fit.effects) < len(fitted.fit.effects):
-        return kept, estimate_effects(kept, _left_out(kept.fit, names))
-    return fitted, trials
-
-
-def _with_scattered_light(
-    plain: Fitted, plain_trials: Sequence[Trial], plan: FitPlan
-) -> tuple[Fitted, Sequence[Trial]]:
-    """Return a fit with all kinds of scattered light that are significant beside each other, and trials of others."""
-    # One by one, none of them describes the light, and other effects that resemble it would be found instead.
-    suspicion = (trial.sigmas_by_chance for trial in plain_trials if trial.name in SCATTERED_LIGHT)
-    names: tuple[str, ...] = SCATTERED_LIGHT if max(suspicion, default=0.0) > SUSPECTED_LIGHT_SIGMAS else ()
-    while names:
-        # From the same start each time: the result does not depend on the light that was left out.
-        fit = plan.refit(plain.observations, after_joint_newton_step(plain, names))
-        if (dropped := first_to_drop(fit)) is None:
-            fitted = with_vignette_chosen_again(replace(plain, fit=fit), plan)
-            return fitted, estimate_effects(fitted, _left_out(fitted.fit, [trial.name for trial in plain_trials]))
-        names = (*names[:dropped], *names[dropped + 1 :])
-    return plain, plain_trials
+    kept = without_insignificant(fitted, plain, plan)
+    return kept, trials if kept is fitted else estimate_effects(kept, _left_out(kept.fit, names))
 
 
 def _shown_by_own_light(fit: Fit, observations: ExposedObservations, plan: FitPlan) -> bool:
@@ -232,10 +207,20 @@ def _distinguishable_curves(observations: ExposedObservations) -> int:
     return min(max(different // EXPOSURES_PER_CURVE, 0), MOST_CURVES)
 
 
-def _with_gains(fitted: Fitted, variances: tuple[float, ...], plan: FitPlan) -> Fitted:
-    """Return a fit with latent gains, and with those effects that are still significant."""
-    start = replace(fitted.fit, errors=replace(fitted.fit.errors, gain_variances=variances))
-    return only_significant(replace(fitted, fit=plan.refit(fitted.observations, start)), plan)
+def _with_gains(plain: Fitted, fitted: Fitted, variances: tuple[float, ...], plan: FitPlan) -> tuple[Fitted, Fitted]:
+    """Return two fits with latent gains: without effects, and with those that are still significant."""
+
+    def allowing(before: Fitted) -> Fitted:
+        return replace(before, fit=replace(before.fit, errors=replace(before.fit.errors, gain_variances=variances)))
+
+    def refitted(start: Fitted) -> Fitted:
+        return replace(start, fit=plan.refit(start.observations, start.fit))
+
+    start = allowing(plain)
+    if len(fitted.fit.effects):
+        fitted = without_insignificant(refitted(allowing(fitted)), start, plan)
+    plain = refitted(start)
+    return plain, fitted if len(fitted.fit.effects) else plain
 
 
 def _shows_lag(left_out: Sequence[Trial]) -> bool:

@@ -304,8 +304,8 @@ CORRECTED = (
 CORRECTED_EXPOSURES = (EXPOSURE_OFFSET, NOMINAL_EXPOSURES, *GAIN_STEPS)
 """Corrected errors of the exposures that depend on the exposure alone, so that exposures can be corrected by them."""
 
-ERRORS_OF_EXPOSURES = (*CORRECTED_EXPOSURES, LATE_EXPOSURES, DRIFTING_LIGHT)
-"""Corrected errors of the exposures, and drifting light, which looks like one."""
+COMMON = (*SCATTERED_LIGHT, EXPOSURE_OFFSET, LATE_EXPOSURES, DRIFTING_LIGHT)
+"""Effects that any recording may have. They imitate each other: found alone, one takes up a part of the others."""
 
 CURVES_OF_EXPOSURES = (EXPOSURE_OFFSET, "curved exposures", *GAIN_STEPS)
 """Errors that depend on the exposure alone. With few different exposures, some of them fit any errors."""

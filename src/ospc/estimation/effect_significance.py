@@ -3,30 +3,55 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.estimation.effect_models import CONTRADICTIONS, EFFECTS
+from ospc.estimation.effect_trials import after_joint_newton_step
 from ospc.estimation.fit import Fit
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.fitted import Fitted
+from ospc.estimation.vignette_choice import with_vignette_chosen_again
 from ospc.settings.effects import CONTRADICTING_SIGMAS, SIGNIFICANT_SIGMAS, SIGNIFICANT_SIGMAS_IN_ALL
 
 
-def only_significant(fitted: Fitted, plan: FitPlan) -> Fitted:
-    """Return a fit without the effects that are not significant beside the others."""
-    fit = fitted.fit
-    while (dropped := first_to_drop(fit)) is not None:
-        kept = tuple(name for i, name in enumerate(fit.effects.chosen) if i != dropped)
-        parameters = np.delete(fit.parameters, fit.vignette_part.stop + dropped)
-        start = replace(fit, effects=replace(fit.effects, chosen=kept), parameters=parameters)
-        fit = plan.refit(fitted.observations, start)
-    return replace(fitted, fit=fit)
+def with_significant(plain: Fitted, names: Sequence[str], plan: FitPlan) -> Fitted:
+    """Return a fit with further effects, of those named, that are all significant beside each other."""
+    while names:
+        # From the same start each time: the result does not depend on the effects that were dropped.
+        fit = plan.refit(plain.observations, after_joint_newton_step(plain, names))
+        if _first_to_drop(fit) is None:
+            fitted = replace(plain, fit=fit)
+            # The effects may have imitated a part of the vignette, or hidden one.
+            return with_vignette_chosen_again(fitted, plan) if len(plan.widest) else fitted
+        while (dropped := _first_to_drop(fit)) is not None:
+            fit = _without(fit, dropped)
+        names = fit.effects.chosen
+    return plain
 
 
-def first_to_drop(fit: Fit) -> int | None:
+def _without(fit: Fit, number: int) -> Fit:
+    """Return the fit if one of its effects is zero, to first order."""
+    chosen = tuple(name for i, name in enumerate(fit.effects.chosen) if i != number)
+    number += fit.vignette_part.stop
+    project = np.delete(np.eye(len(fit.parameters)), number, axis=0)
+    project[:, number] = -(project @ fit.chance[:, number]) / fit.chance[number, number]
+    covariance, chance = (project @ matrix @ project.T for matrix in (fit.covariance, fit.chance))
+    kept = replace(fit, effects=replace(fit.effects, chosen=chosen), covariance=covariance, chance=chance)
+    return replace(kept, parameters=np.maximum(project @ fit.parameters, kept.floor))
+
+
+def without_insignificant(fitted: Fitted, start: Fitted, plan: FitPlan) -> Fitted:
+    """Return a fit whose effects are all significant beside each other, from a start without any if some are not."""
+    if _first_to_drop(fitted.fit) is None:
+        return fitted
+    return with_significant(start, fitted.fit.effects.chosen, plan)
+
+
+def _first_to_drop(fit: Fit) -> int | None:
     """Return the number of the weakest effect that is implausible or, if there is none, not significant."""
     doubtful = _implausible(fit) or [i for i in range(len(fit.effects)) if not is_significant(fit, i)]
     return min(doubtful, key=lambda i: _sigmas_of(fit, i, fit.chance), default=None)

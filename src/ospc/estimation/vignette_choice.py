@@ -57,7 +57,7 @@ def with_vignette_chosen_again(fitted: Fitted, plan: FitPlan) -> Fitted:
     fewer = (len(basis) for basis in _models(plan) if len(basis) < len(fit.vignette_basis))
     if all(supported(fit, len(fit.vignette_basis) - terms) for terms in fewer):
         return _extended(fitted, plan)
-    return fit_with_chosen_vignette(fitted.observations, plan, fit.effects)
+    return fit_with_chosen_vignette(fitted.observations, plan, fit.effects, fit)
 
 
 def _models(plan: FitPlan) -> tuple[VignetteBasis, ...]:
