@@ -385,6 +385,19 @@ def test_a_black_level_that_changes_is_found_beside_glare(camera: Disturbed, nam
     assert name in stated(camera.fit())
 
 
+def test_points_where_the_basis_cannot_follow_the_response_prove_no_contradiction(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A response that is steep near black looks like a black level that depends on the exposure."""
+    pairs = Disturbed().pairs()
+    on_the_left = np.repeat(pairs.position[:, 0].reshape(-1, 2).min(axis=1) < 0, 2)
+    black = np.where(on_the_left, 0.02 * (pairs.log_exposure - np.log(TYPICAL_MS)), 0.0)
+    pairs = replace(pairs, grey=np.clip(pairs.grey + black, 0.0, 1.0))
+    assert "black level by exposure" in stated(fit_with_chosen_effects(pairs, PLAN).fit)
+    monkeypatch.setattr(Fit, "resolves", lambda _, observations: observations.position[:, 0] >= 0)
+    assert "black level by exposure" not in stated(fit_with_chosen_effects(pairs, PLAN).fit)
+
+
 @pytest.mark.parametrize("rise", [0.0, 0.02])
 def test_light_may_drift_while_the_exposure_only_rises(rise: float) -> None:
     """The images do not show whether the light drifted, so the uncertainty allows for it."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ospc.arrays import FloatArray
+from ospc.arrays import BoolArray, FloatArray
 from ospc.estimation.effect_models import (
     COMMON,
     CONTRADICTIONS,
@@ -138,11 +138,16 @@ def _is_contradicted(fit: Fit) -> bool:
 
 
 def _unsteadiness(fitted: Fitted) -> tuple[EffectEstimate, ...]:
-    """Return differences between the frames of a pair, where the basis resolves the response and light is known."""
+    """Return differences between the frames of a pair, where the model is accurate enough to judge them."""
     fit, observations = fitted.fit, fitted.observations
-    known = fit.resolves(observations) & (fit.scattered_share(observations) < MOST_SCATTERED_SHARE)
-    residual = np.where(known, fit.residuals(observations), np.nan)
+    residual = np.where(_is_well_modelled(fit, observations), fit.residuals(observations), np.nan)
     return unsteadiness(residual, fitted.weighted[0].sigma, observations)
+
+
+def _is_well_modelled(fit: Fit, observations: ExposedObservations) -> BoolArray:
+    """Return where the basis resolves the response, and most of the light is not scattered, shape (n,)."""
+    # The scattered light is known to a few per cent: an error that counts where it is most of the light.
+    return fit.resolves(observations) & (fit.scattered_share(observations) < MOST_SCATTERED_SHARE)
 
 
 def _with_effects(
@@ -163,7 +168,7 @@ def _with_effects(
         untried = tuple(name for name in untried if name != suspect.name)
         start = after_newton_step(fitted.fit, suspect)
         wider = plan.refit(observations, start)
-        if not (is_significant(wider, -1) and _shown_by_own_light(wider, observations, plan)):
+        if not (is_significant(wider, -1) and _shown_if_well_modelled(wider, fitted, plan)):
             if suspect.name == LOCAL_TONE_MAPPING:  # one step sees half of it: the response has taken up the rest
                 clearer = max(suspect, trial_of(wider), key=lambda trial: trial.sigmas)
                 trials = [clearer if trial is suspect else trial for trial in trials]
@@ -182,16 +187,17 @@ def _with_effects(
     return kept, trials if kept is fitted else estimate_effects(kept, _left_out(kept.fit, names))
 
 
-def _shown_by_own_light(fit: Fit, observations: ExposedObservations, plan: FitPlan) -> bool:
-    """Return whether points whose light is mostly their own show the last effect, too, if it is a contradiction."""
-    if fit.effects.chosen[-1] not in CONTRADICTIONS:
+def _shown_if_well_modelled(wider: Fit, fitted: Fitted, plan: FitPlan) -> bool:
+    """Return whether the points that are well modelled without the last effect show it, if it is a contradiction."""
+    if wider.effects.chosen[-1] not in CONTRADICTIONS:
         return True
-    # The scattered light is known to a few per cent: an error that counts where it is most of the light.
-    own = observations.combined(np.maximum, fit.scattered_share(observations)) < MOST_SCATTERED_SHARE
-    if own.all():
+    observations = fitted.observations
+    doubtful = np.where(_is_well_modelled(fitted.fit, observations), 0.0, 1.0)
+    known = observations.combined(np.maximum, doubtful) == 0
+    if known.all():
         return True
-    left = observations.of_points(own)
-    return len(np.unique(left.group)) < MIN_GROUPS or is_significant(plan.refit(left, fit), -1)
+    left = observations.of_points(known)
+    return len(np.unique(left.group)) < MIN_GROUPS or is_significant(plan.refit(left, wider), -1)
 
 
 def _indistinguishable(observations: ExposedObservations) -> tuple[str, ...]:
