@@ -116,8 +116,7 @@ def _of_moving_camera(
     if variances and not _shows_lag(trials):
         plain, fitted = _with_gains(plain, fitted, variances, plan)
         plain_trials = estimate_effects(plain, tuple(EFFECTS))
-        left_out = _left_out(fitted.fit, tuple(EFFECTS))
-        trials = plain_trials if fitted is plain else estimate_effects(fitted, left_out)
+        trials = plain_trials if fitted is plain else _estimate_left_out(fitted, tuple(EFFECTS))
     fitted = _with_model_errors(fitted)
     fit = fitted.fit
     if _is_contradicted(fit):
@@ -163,7 +162,7 @@ def _with_effects(
     if not (most_curves := _distinguishable_curves(observations)):
         untried = tuple(name for name in untried if name not in CURVES_OF_EXPOSURES)
     fitted = with_significant(plain, [name for name in COMMON if name in untried], plan)
-    trials = plain_trials if fitted is plain else estimate_effects(fitted, _left_out(fitted.fit, names))
+    trials = plain_trials if fitted is plain else _estimate_left_out(fitted, names)
     while suspect := suspected(trials, untried):
         untried = tuple(name for name in untried if name != suspect.name)
         start = after_newton_step(fitted.fit, suspect)
@@ -178,13 +177,11 @@ def _with_effects(
             return _with_effects(plain, plain_trials, plan, *left_out, *CURVES_OF_EXPOSURES)
         if suspect.name in CONTRADICTIONS:
             return replace(fitted, fit=wider), trials
-        fitted = replace(fitted, fit=wider)
-        if len(plan.widest):  # the effect may have imitated a part of the vignette, or hidden one
-            fitted = with_vignette_chosen_again(fitted, plan)
-        trials = estimate_effects(fitted, _left_out(fitted.fit, names))
+        fitted = with_vignette_chosen_again(replace(fitted, fit=wider), plan)
+        trials = _estimate_left_out(fitted, names)
     # An effect that was found first may be explained by one that was found later.
     kept = without_insignificant(fitted, plain, plan)
-    return kept, trials if kept is fitted else estimate_effects(kept, _left_out(kept.fit, names))
+    return kept, trials if kept is fitted else _estimate_left_out(kept, names)
 
 
 def _shown_if_well_modelled(wider: Fit, fitted: Fitted, plan: FitPlan) -> bool:
@@ -192,8 +189,7 @@ def _shown_if_well_modelled(wider: Fit, fitted: Fitted, plan: FitPlan) -> bool:
     if wider.effects.chosen[-1] not in CONTRADICTIONS:
         return True
     observations = fitted.observations
-    doubtful = np.where(_is_well_modelled(fitted.fit, observations), 0.0, 1.0)
-    known = observations.combined(np.maximum, doubtful) == 0
+    known = observations.combined(np.minimum, _is_well_modelled(fitted.fit, observations).astype(np.float64)) > 0
     if known.all():
         return True
     left = observations.of_points(known)
@@ -235,8 +231,9 @@ def _shows_lag(left_out: Sequence[Trial]) -> bool:
     return any(abs(trial.value) > SIGNIFICANT_SIGMAS * trial.total_sigma for trial in late)
 
 
-def _left_out(fit: Fit, names: Sequence[str]) -> tuple[str, ...]:
-    return tuple(name for name in names if name not in fit.effects.chosen)
+def _estimate_left_out(fitted: Fitted, names: Sequence[str]) -> Sequence[Trial]:
+    """Return trials of those effects that a fit leaves out."""
+    return estimate_effects(fitted, [name for name in names if name not in fitted.fit.effects.chosen])
 
 
 def _gain_variances(fitted: Fitted) -> tuple[float, ...]:

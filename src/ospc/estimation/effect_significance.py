@@ -24,9 +24,7 @@ def with_significant(plain: Fitted, names: Sequence[str], plan: FitPlan) -> Fitt
         # From the same start each time: the result does not depend on the effects that were dropped.
         fit = plan.refit(plain.observations, after_joint_newton_step(plain, names))
         if _first_to_drop(fit) is None:
-            fitted = replace(plain, fit=fit)
-            # The effects may have imitated a part of the vignette, or hidden one.
-            return with_vignette_chosen_again(fitted, plan) if len(plan.widest) else fitted
+            return with_vignette_chosen_again(replace(plain, fit=fit), plan)
         while (dropped := _first_to_drop(fit)) is not None:
             fit = _without(fit, dropped)
         names = fit.effects.chosen

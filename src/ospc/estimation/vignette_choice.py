@@ -51,7 +51,8 @@ def fit_with_chosen_vignette(
 def with_vignette_chosen_again(fitted: Fitted, plan: FitPlan) -> Fitted:
     """Return a fit with the vignette that its observations support, now that it has other effects.
 
-    Parameters of the vignette that have lost their support go, and others may have gained it.
+    The effects may have imitated a part of the vignette, or hidden one: parameters that have lost their support go,
+    and others may have gained it.
     """
     fit = fitted.fit
     fewer = (len(basis) for basis in _models(plan) if len(basis) < len(fit.vignette_basis))

@@ -129,9 +129,10 @@ class Frame:
         name = UNNAMED if index is None else f"frame {index}"
         checked = check_image(image, name)
         limit = int(np.iinfo(checked.dtype).max) if max_grey is None else checked_max_grey(max_grey, name)
-        _check_greys(checked, limit, name)
         known_ms = math.nan if exposure_ms is None else exposure_ms
-        return cls(index or 0, stamp_s, known_ms, name, lambda: checked, limit, mask=mask)
+        frame = cls(index or 0, stamp_s, known_ms, name, lambda: checked, limit, mask=mask)
+        _ = frame.image  # so that its grey values are checked now
+        return frame
 
     @property
     def image(self) -> Image:
@@ -187,7 +188,7 @@ def _check_greys(image: Image, max_grey: int, name: str) -> None:
     # The white of a sensor may be below the largest value of its converter, but not by a whole bit.
     most = max_grey if bits == 8 else 2 * max_grey
     possible = int(np.iinfo(image.dtype).max)
-    if (bits == 8 and max_grey > possible) or (most < possible and image.max() > most):
+    if max_grey > possible or (most < possible and image.max() > most):
         raise FrameError(
             f"{name}: max_grey is {max_grey}, which does not match {bits}-bit grey values up to {image.max()}; give "
             "the largest grey value of the sensor"
